@@ -13,14 +13,14 @@ PURE = "WALLRIDE_PURE_WHEEL"
 
 
 class KernelHook(BuildHookInterface[Any]):
-    """Builds `drivers._accelerated` into the wheel. An editable install has `wallride build-kernel`."""
+    """Builds `wallride.drivers._accelerated` into the wheel. An editable install has `wallride build-kernel`."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Build, and declare the wheel to be of this platform; where it cannot be built, say why and go on."""
         if version == "editable" or os.environ.get(PURE) == "1":
             return
         sys.path.insert(0, self.root)
-        from runtime.kernel.build import FILE, BuildError, build
+        from wallride.runtime.kernel.build import FILE, BuildError, build
 
         self._scratch = tempfile.TemporaryDirectory()
         made = Path(self._scratch.name) / FILE
@@ -31,4 +31,4 @@ class KernelHook(BuildHookInterface[Any]):
             return
         build_data["pure_python"] = False
         build_data["infer_tag"] = True
-        build_data["force_include"][str(made)] = f"drivers/{FILE}"
+        build_data["force_include"][str(made)] = f"wallride/drivers/{FILE}"

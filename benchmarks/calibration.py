@@ -11,15 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from drivers.vesc.settings import VescSettings
-from runtime.calibration import proposals
-from runtime.calibration.proposals import of_arcs, of_delays
-from sim.car.vehicle_settings import VehicleSettings
-from sim.car.wiring import WiringConversion
-from sim.lab.courses.walls import REPORT_COURSES, case_of
-from sim.lab.figures import errors
-from sim.lab.laws import build, settings_of
-from sim.virtual.closed_loop import drive
 from tests.runtime.calibration.planted import (
     ERRORS,
     MOUNT,
@@ -32,6 +23,15 @@ from tests.runtime.calibration.planted import (
     delays_of,
     planted_car,
 )
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.runtime.calibration import proposals
+from wallride.runtime.calibration.proposals import of_arcs, of_delays
+from wallride.sim.car.vehicle_settings import VehicleSettings
+from wallride.sim.car.wiring import WiringConversion
+from wallride.sim.lab.courses.walls import REPORT_COURSES, case_of
+from wallride.sim.lab.figures import errors
+from wallride.sim.lab.laws import build, settings_of
+from wallride.sim.virtual.closed_loop import drive
 
 PARTS = ("posts", "cables", "film", "none")
 CONFIGURED = {

@@ -29,7 +29,7 @@ from typing import Final
 
 import aiohttp
 
-from runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.ports import free_endpoint
 
 LIMIT_S: Final = 1.0
 KILLED_AFTER_S: Final = 30.0

@@ -26,14 +26,14 @@ import numpy.typing as npt
 
 from benchmarks.hand_overs import HandOver
 from benchmarks.hand_overs import decisions as handed_over
-from runtime.arbitration.command import Decision, Output
-from sim.lab.recorded.replay import better_side, replay
-from sim.lab.recordings import is_foreign, recordings_in
-from sim.lab.sweep.drive_cell import CellMistakeError, DriveCell, drive_setup, setup_of
-from sim.recordings import RecordingError, load_recording
-from sim.virtual.virtual_time import run_virtual
-from sim.world.own_parts import OWN_PARTS
 from tests.system.soak.histories import History
+from wallride.runtime.arbitration.command import Decision, Output
+from wallride.sim.lab.recorded.replay import better_side, replay
+from wallride.sim.lab.recordings import is_foreign, recordings_in
+from wallride.sim.lab.sweep.drive_cell import CellMistakeError, DriveCell, drive_setup, setup_of
+from wallride.sim.recordings import RecordingError, load_recording
+from wallride.sim.virtual.virtual_time import run_virtual
+from wallride.sim.world.own_parts import OWN_PARTS
 
 DRIVES: Final = 220
 HAND_OVERS: Final = 90

@@ -13,17 +13,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.control.live_laws import LiveLaws
-from runtime.settings.tree import Settings, load_settings
-from sim.car.vehicle import Vehicle
-from sim.live.traffic import TrafficWorld, starts
-from sim.scenario.simulated_car import find_config
-from sim.virtual.closed_loop import Case, SimulatedRun, drive, drive_together
-from sim.world.beams import LidarSettings
-from sim.world.lap import LapCounter
-from sim.world.place import World
-from sim.world.pose import Floats
-from sim.world.worlds import load_world
+from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.settings.tree import Settings, load_settings
+from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.live.traffic import TrafficWorld, starts
+from wallride.sim.scenario.simulated_car import find_config
+from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive, drive_together
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.lap import LapCounter
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Floats
+from wallride.sim.world.worlds import load_world
 
 SETTLED_S = 5.0
 """Time from the standstill on that does not count."""

@@ -15,18 +15,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.api import Drive, Scan
-from runtime.arbitration.command import Decision, DriveCommand, Output, Source, arbitrate, consent
-from runtime.live_stack import REQUIRED, LiveStack
-from runtime.recording.decision_log import DecisionLog
-from runtime.settings.tree import load_settings
-from runtime.telemetry.status import Journey, ObservedState, status
-from sim.car.vehicle import VehicleSettings
-from sim.virtual.devices import BEAMS, STEP_RAD, MemoryLidar
-from sim.virtual.twin_world import TwinWorld, WorldMotor
-from sim.world.obstacles import sudden_box
-from sim.world.pose import Pose
-from sim.world.worlds import load_world
+from wallride.drivers.api import Drive, Scan
+from wallride.runtime.arbitration.command import Decision, DriveCommand, Output, Source, arbitrate, consent
+from wallride.runtime.live_stack import REQUIRED, LiveStack
+from wallride.runtime.recording.decision_log import DecisionLog
+from wallride.runtime.settings.tree import load_settings
+from wallride.runtime.telemetry.status import Journey, ObservedState, status
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.virtual.devices import BEAMS, STEP_RAD, MemoryLidar
+from wallride.sim.virtual.twin_world import TwinWorld, WorldMotor
+from wallride.sim.world.obstacles import sudden_box
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.worlds import load_world
 
 SCAN_S = 0.025
 TICK_S = 0.0125

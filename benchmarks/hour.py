@@ -3,7 +3,7 @@
 Run: python benchmarks/hour.py [--hours 1]
 
 The car laps the loop at 3 m/s with all of its telemetry wanted; devices and bus are in memory, the world is simulated
-(`sim.twin_world`). As in `wallride run` the hot functions are compiled and everything is frozen
+(`wallride.sim.twin_world`). As in `wallride run` the hot functions are compiled and everything is frozen
 once the car has set off. Memory is the private and shared pages of this process (RSS), simulator included; a collection
 of generation 2 would block the loop for milliseconds.
 """
@@ -17,14 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime import kernel
-from runtime.app import Car
-from runtime.settings.tree import Settings
-from sim.virtual.devices import MemoryBus
-from sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor
-from sim.virtual.virtual_time import run_virtual
-from sim.world.beams import LidarSettings
-from sim.world.worlds import load_world
+from wallride.runtime import kernel
+from wallride.runtime.app import Car
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.virtual.devices import MemoryBus
+from wallride.sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor
+from wallride.sim.virtual.virtual_time import run_virtual
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.worlds import load_world
 
 SETTLED_S, MINUTE_S = 120.0, 60.0
 SAMPLES = 12

@@ -44,17 +44,19 @@ class Target:
 
 
 TARGETS: Final[Mapping[str, Target]] = {
-    "queue": Target("runtime.arbitration.queues", (f"{ARBITRATION}test_queues.py", "tests/runtime/test_inbox.py")),
-    "command queue": Target("runtime.arbitration.command_queue", (f"{ARBITRATION}test_command_queue.py",)),
-    "arbitration": Target("runtime.arbitration.command", (f"{ARBITRATION}test_command.py",)),
-    "permit": Target("runtime.arbitration.permit", (f"{ARBITRATION}test_permit.py",)),
-    "emergency stop": Target("runtime.arbitration.emergency_stop", (f"{ARBITRATION}test_emergency_stop.py",)),
-    "states": Target("runtime.arbitration.driving_state", (f"{ARBITRATION}test_driving_state.py",)),
-    "limiter": Target("runtime.control.limiter", ("tests/runtime/control/test_limiter.py",)),
-    "battery": Target("runtime.control.battery", ("tests/runtime/control/test_battery.py",)),
-    "VESC's frames": Target("drivers.vesc.calibration", ("tests/drivers/vesc/test_calibration.py",)),
+    "queue": Target(
+        "wallride.runtime.arbitration.queues", (f"{ARBITRATION}test_queues.py", "tests/runtime/test_inbox.py")
+    ),
+    "command queue": Target("wallride.runtime.arbitration.command_queue", (f"{ARBITRATION}test_command_queue.py",)),
+    "arbitration": Target("wallride.runtime.arbitration.command", (f"{ARBITRATION}test_command.py",)),
+    "permit": Target("wallride.runtime.arbitration.permit", (f"{ARBITRATION}test_permit.py",)),
+    "emergency stop": Target("wallride.runtime.arbitration.emergency_stop", (f"{ARBITRATION}test_emergency_stop.py",)),
+    "states": Target("wallride.runtime.arbitration.driving_state", (f"{ARBITRATION}test_driving_state.py",)),
+    "limiter": Target("wallride.runtime.control.limiter", ("tests/runtime/control/test_limiter.py",)),
+    "battery": Target("wallride.runtime.control.battery", ("tests/runtime/control/test_battery.py",)),
+    "VESC's frames": Target("wallride.drivers.vesc.calibration", ("tests/drivers/vesc/test_calibration.py",)),
     "VESC's stop": Target(
-        "drivers.vesc.driver",
+        "wallride.drivers.vesc.driver",
         ("tests/drivers/vesc/test_stop_in_time.py", "tests/drivers/vesc/test_calibration.py"),
         (
             "send",
@@ -68,9 +70,12 @@ TARGETS: Final[Mapping[str, Target]] = {
             "_tell_condition",
         ),
     ),
-    "mux": Target("runtime.tasks.mux", ("tests/runtime/tasks/test_mux.py",), ("step", "_decide", "decide_now", "tick")),
+    "mux": Target(
+        "wallride.runtime.tasks.mux", ("tests/runtime/tasks/test_mux.py",), ("step", "_decide", "decide_now", "tick")
+    ),
     "emergency manoeuvre": Target(
-        "runtime.control.safety.emergency_manoeuvre", ("tests/runtime/control/safety/test_manoeuvre_choice.py",)
+        "wallride.runtime.control.safety.emergency_manoeuvre",
+        ("tests/runtime/control/safety/test_manoeuvre_choice.py",),
     ),
 }
 EQUAL: Final[Mapping[str, str]] = {

@@ -22,28 +22,28 @@ from typing import Never
 
 import numpy as np
 
-from drivers.api import Health, LinkState, MotorState, Scan
-from runtime.arbitration.command import Output, Source, consent
-from runtime.arbitration.queues import Inbox
-from runtime.control.guidance import Guidance
-from runtime.ending import end
-from runtime.live_stack import REQUIRED, LiveStack, warm_up
-from runtime.realtime.periodic import PeriodicTimer
-from runtime.realtime.stage_timing import StageTimer
-from runtime.realtime.wall_clock import WallClock
-from runtime.recording import recorder
-from runtime.recording.decision_log import DecisionLog
-from runtime.recording.disk import Disk, RealDisk
-from runtime.recording.recorder import Recorder
-from runtime.settings.recording import RecordingSettings
-from runtime.settings.tree import Settings
-from runtime.tasks import lidar as lidar_task
-from runtime.tasks import mux as mux_task
-from runtime.tasks import safety, wall_follow
-from runtime.tasks.scan_cycle import ScanCycle
-from runtime.tasks.telemetry import Telemetry
-from runtime.telemetry.status import ObservedState
-from sim.virtual.devices import BEAMS, STEP_RAD, MemoryMotor, ranges_between_walls
+from wallride.drivers.api import Health, LinkState, MotorState, Scan
+from wallride.runtime.arbitration.command import Output, Source, consent
+from wallride.runtime.arbitration.queues import Inbox
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.ending import end
+from wallride.runtime.live_stack import REQUIRED, LiveStack, warm_up
+from wallride.runtime.realtime.periodic import PeriodicTimer
+from wallride.runtime.realtime.stage_timing import StageTimer
+from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.recording import recorder
+from wallride.runtime.recording.decision_log import DecisionLog
+from wallride.runtime.recording.disk import Disk, RealDisk
+from wallride.runtime.recording.recorder import Recorder
+from wallride.runtime.settings.recording import RecordingSettings
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.tasks import lidar as lidar_task
+from wallride.runtime.tasks import mux as mux_task
+from wallride.runtime.tasks import safety, wall_follow
+from wallride.runtime.tasks.scan_cycle import ScanCycle
+from wallride.runtime.tasks.telemetry import Telemetry
+from wallride.runtime.telemetry.status import ObservedState
+from wallride.sim.virtual.devices import BEAMS, STEP_RAD, MemoryMotor, ranges_between_walls
 
 RATE_HZ = 40.0
 SETTLING_SCANS = 20

@@ -10,17 +10,17 @@ import time
 
 import numpy as np
 
-from drivers.api import MotorState
-from runtime import kernel
-from runtime.control.perception.lidar_health import LidarHealth
-from runtime.control.perception.view import PerceptionCache, View
-from runtime.control.safety.swept import SweptGuard
-from runtime.control.safety.swept_settings import SweptSettings
-from runtime.control.vehicle import CarSettings
-from sim.virtual.closed_loop import as_scan
-from sim.world.beams import LidarSettings, scan
-from sim.world.pose import Pose, Twist
-from sim.world.worlds import load_world
+from wallride.drivers.api import MotorState
+from wallride.runtime import kernel
+from wallride.runtime.control.perception.lidar_health import LidarHealth
+from wallride.runtime.control.perception.view import PerceptionCache, View
+from wallride.runtime.control.safety.swept import SweptGuard
+from wallride.runtime.control.safety.swept_settings import SweptSettings
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.virtual.closed_loop import as_scan
+from wallride.sim.world.beams import LidarSettings, scan
+from wallride.sim.world.pose import Pose, Twist
+from wallride.sim.world.worlds import load_world
 
 SCANS = 200
 RUNS = 15

@@ -20,7 +20,7 @@ import time
 from pathlib import Path
 from typing import Final
 
-from runtime.kernel import build as kernel_build
+from wallride.runtime.kernel import build as kernel_build
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 SANITIZED: Final = (
@@ -91,7 +91,7 @@ def _libraries() -> list[str] | str:
 def _copy(folder: Path) -> Path:
     hidden = shutil.ignore_patterns("__pycache__", "_accelerated*", "*.webp", "figures", "data")
     for name in COPIED:
-        shutil.copytree(ROOT / name, folder / name, ignore=hidden)
+        shutil.copytree(ROOT / name, folder / name, ignore=hidden, symlinks=True)
     shutil.copy(ROOT / "pyproject.toml", folder)
     return folder
 

@@ -123,11 +123,11 @@ def boot(root: Path, nspawn: str) -> None:
 
 async def play_devices() -> None:
     """Play lidar and motor controller between two walls; note each motor command with its time."""
-    from drivers.vesc.codec import MOTOR_PACKETS, Packet
-    from sim.devices.scip import ScipEmulator
-    from sim.devices.vesc import VescEmulator
-    from sim.recordings.sensor_units import to_sensor_mm
-    from sim.virtual.devices import ranges_between_walls
+    from wallride.drivers.vesc.codec import MOTOR_PACKETS, Packet
+    from wallride.sim.devices.scip import ScipEmulator
+    from wallride.sim.devices.vesc import VescEmulator
+    from wallride.sim.recordings.sensor_units import to_sensor_mm
+    from wallride.sim.virtual.devices import ranges_between_walls
 
     vesc, scip = VescEmulator(WIRE.with_name("vesc"), timeout_s=0.15), ScipEmulator()
     vesc.start()

@@ -24,11 +24,11 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from sim.bench import simulator
-from sim.bench.medians import median_of
-from sim.bench.simulator import CELL_M, drawn_loop, error_figures, loop_poses, turned
-from sim.world.map_file import read_settings
-from sim.world.worlds import load_world
+from wallride.sim.bench import simulator
+from wallride.sim.bench.medians import median_of
+from wallride.sim.bench.simulator import CELL_M, drawn_loop, error_figures, loop_poses, turned
+from wallride.sim.world.map_file import read_settings
+from wallride.sim.world.worlds import load_world
 
 PEER = Path(__file__).with_name("f1tenth_gym_steps.py")
 POSES = 40

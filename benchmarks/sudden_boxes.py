@@ -11,18 +11,18 @@ import itertools
 import time
 from collections.abc import Sequence
 
-from runtime.settings.tree import load_settings
-from sim.car.vehicle import GRAVITY_MPS2, Vehicle, VehicleSettings
-from sim.lab.courses.sudden import BOXES, PLACES
-from sim.lab.safety import impact_mps, stopping_m
-from sim.live.scenes import WorldScene
-from sim.live.session import RuntimeStart, SimulatorSession
-from sim.live.stop_request import StopRequest
-from sim.scenario.simulated_car import find_config
-from sim.virtual.closed_loop import FULL_BRAKE_MPS2, ROUGH_BEAMS
-from sim.world.obstacles import LIDAR_AHEAD_M, sudden_box
-from sim.world.pose import CAR
-from sim.world.worlds import load_world
+from wallride.runtime.settings.tree import load_settings
+from wallride.sim.car.vehicle import GRAVITY_MPS2, Vehicle, VehicleSettings
+from wallride.sim.lab.courses.sudden import BOXES, PLACES
+from wallride.sim.lab.safety import impact_mps, stopping_m
+from wallride.sim.live.scenes import WorldScene
+from wallride.sim.live.session import RuntimeStart, SimulatorSession
+from wallride.sim.live.stop_request import StopRequest
+from wallride.sim.scenario.simulated_car import find_config
+from wallride.sim.virtual.closed_loop import FULL_BRAKE_MPS2, ROUGH_BEAMS
+from wallride.sim.world.obstacles import LIDAR_AHEAD_M, sudden_box
+from wallride.sim.world.pose import CAR
+from wallride.sim.world.worlds import load_world
 
 APPEARS_S, LASTS_S = 4.0, 6.0
 ANSWER_S = 0.02

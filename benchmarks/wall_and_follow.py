@@ -13,17 +13,17 @@ import time
 
 import numpy as np
 
-from drivers.api import MotorState, Scan
-from runtime import kernel
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.vehicle import CarSettings
-from runtime.control.wall_following.ball import BallFollower
-from runtime.control.wall_following.ball_settings import BallSettings
-from runtime.control.wall_following.followed_wall import side_view
-from sim.virtual.closed_loop import as_scan
-from sim.world.beams import LidarSettings, scan
-from sim.world.pose import Pose, Twist
-from sim.world.worlds import load_world
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime import kernel
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.wall_following.ball import BallFollower
+from wallride.runtime.control.wall_following.ball_settings import BallSettings
+from wallride.runtime.control.wall_following.followed_wall import side_view
+from wallride.sim.virtual.closed_loop import as_scan
+from wallride.sim.world.beams import LidarSettings, scan
+from wallride.sim.world.pose import Pose, Twist
+from wallride.sim.world.worlds import load_world
 
 RUNS = 7
 WAY_M = 6.5

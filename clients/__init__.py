@@ -1,4 +1,5 @@
 """Off-car programs, run on a laptop to watch and to operate a car.
 
-They know the car only by its messages: `runtime.wire` (topics, teleop, the bus that carries them) and `runtime.ros`.
+They know the car only by its messages: `wallride.runtime.wire` (topics, teleop, the bus that carries them) and
+`wallride.runtime.ros`.
 """

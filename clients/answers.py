@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from clients.endpoints import ConnectionProblemError
-from runtime.host.terminal_text import one_line
+from wallride.clients.endpoints import ConnectionProblemError
+from wallride.runtime.host.terminal_text import one_line
 
 
 @contextmanager

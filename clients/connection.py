@@ -7,7 +7,7 @@ import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from clients.endpoints import (
+from wallride.clients.endpoints import (
     CONNECT_VARIABLE,
     ConnectionProblemError,
     endpoint_configs,
@@ -16,18 +16,18 @@ from clients.endpoints import (
     keys_of,
     option_of,
 )
-from clients.fleet.search import at_one_endpoint
-from clients.keys.diagnosis import nothing_heard, why_refused
-from runtime.security.key_files import KeyFiles
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.teleop import Malformed, read_beat, session_text
+from wallride.clients.fleet.search import at_one_endpoint
+from wallride.clients.keys.diagnosis import nothing_heard, why_refused
+from wallride.runtime.security.key_files import KeyFiles
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.teleop import Malformed, read_beat, session_text
 
 __all__ = [
     "CONNECT_VARIABLE", "Cars", "ConnectionProblemError", "another_car", "check_session", "connected",
     "endpoint_configs", "endpoint_of", "find_car", "given_by", "keys_of", "open_bus", "option_of", "with_one_endpoint",
 ]  # fmt: skip
-"""What clients need, also of `clients.endpoints`, which is apart because the search of several endpoints needs it."""
+"""What clients need; `wallride.clients.endpoints` is apart because the search of several endpoints needs it."""
 FIND_TIMEOUT_S = 3.0
 SETTLING_S = 0.2
 """Time after the first car's answer in which other cars can announce themselves."""

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from runtime.host.terminal_text import one_line
-from runtime.ros.definitions import TYPES, definition
-from runtime.wire import topics
-from runtime.wire.teleop import read_beat
+from wallride.runtime.host.terminal_text import one_line
+from wallride.runtime.ros.definitions import TYPES, definition
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.teleop import read_beat
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore

@@ -10,7 +10,7 @@ from collections.abc import Coroutine, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
-from runtime.ending import end
+from wallride.runtime.ending import end
 
 ENDS_WITHIN_S: Final = 0.8
 """Maximum time of an orderly end. A car stops by itself when its operator falls silent; nothing else is at stake."""

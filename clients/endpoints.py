@@ -8,9 +8,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from runtime.security.access_list import KeysError
-from runtime.security.key_files import KeyFiles, client_keys
-from runtime.wire import zenoh_config
+from wallride.runtime.security.access_list import KeysError
+from wallride.runtime.security.key_files import KeyFiles, client_keys
+from wallride.runtime.wire import zenoh_config
 
 log = logging.getLogger("wallride.client")
 

@@ -10,12 +10,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from clients.connection import ConnectionProblemError
-from runtime.host.terminal_text import one_line
-from runtime.recording.channels import EVENTS, text_of
-from runtime.recording.mcap_file import METADATA
-from runtime.recording.recover import is_whole
-from runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError
+from wallride.clients.connection import ConnectionProblemError
+from wallride.runtime.host.terminal_text import one_line
+from wallride.runtime.recording.channels import EVENTS, text_of
+from wallride.runtime.recording.mcap_file import METADATA
+from wallride.runtime.recording.recover import is_whole
+from wallride.runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError
 
 NS = 1_000_000_000
 

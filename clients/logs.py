@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from clients.answers import reading
-from clients.connection import ConnectionProblemError, connected
-from runtime.host.terminal_text import one_line
-from runtime.recording import requests
-from runtime.recording.file_summary import duration_s
-from runtime.recording.recover import RecoveryError, file_state, is_whole, recover
-from runtime.recording.ring import KEPT, MB, Entry, entries, file_named, folders, keep, parse, trim
-from runtime.settings.recording import recordings_folder
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.network import RefusedError
+from wallride.clients.answers import reading
+from wallride.clients.connection import ConnectionProblemError, connected
+from wallride.runtime.host.terminal_text import one_line
+from wallride.runtime.recording import requests
+from wallride.runtime.recording.file_summary import duration_s
+from wallride.runtime.recording.recover import RecoveryError, file_state, is_whole, recover
+from wallride.runtime.recording.ring import KEPT, MB, Entry, entries, file_named, folders, keep, parse, trim
+from wallride.runtime.settings.recording import recordings_folder
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import RefusedError
 
 ANSWER_WITHIN_S = 3.0
 TRIES = 5
@@ -45,7 +45,7 @@ async def run(options: argparse.Namespace) -> int:
     """Run `wallride logs ACTION`; options as of `wallride.logs_options`."""
     match options.action:
         case "info":
-            from clients.log_info import describe
+            from wallride.clients.log_info import describe
 
             for path in options.files:
                 options.print_line(describe(_found(path), as_json=options.json))

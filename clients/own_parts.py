@@ -4,12 +4,12 @@ import argparse
 import json
 from contextlib import AsyncExitStack
 
-from clients.answers import reading
-from clients.connection import ConnectionProblemError, connected
-from clients.status import own_parts_words
-from runtime.host.terminal_text import one_line, say
-from runtime.wire import topics
-from runtime.wire.network import RefusedError
+from wallride.clients.answers import reading
+from wallride.clients.connection import ConnectionProblemError, connected
+from wallride.clients.status import own_parts_words
+from wallride.runtime.host.terminal_text import one_line, say
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.network import RefusedError
 
 ANSWER_WITHIN_S = 2.0
 WITHOUT_A_CAR = (

@@ -7,12 +7,12 @@ import tomllib
 from collections.abc import Sequence
 from typing import Any
 
-from clients.answers import reading
-from clients.connection import ConnectionProblemError, connected
-from runtime.host.terminal_text import one_line, say
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.network import RefusedError
+from wallride.clients.answers import reading
+from wallride.clients.connection import ConnectionProblemError, connected
+from wallride.runtime.host.terminal_text import one_line, say
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import RefusedError
 
 ANSWER_WITHIN_S = 2.0
 SAVED_WITHIN_S = 10.0

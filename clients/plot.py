@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-from clients.connection import ConnectionProblemError, connected
-from clients.decoding import UnreadableError, decode
-from clients.topics import split_topic
-from runtime.host.terminal_text import CLEAR_SCREEN, one_line
-from runtime.wire import topics
+from wallride.clients.connection import ConnectionProblemError, connected
+from wallride.clients.decoding import UnreadableError, decode
+from wallride.clients.topics import split_topic
+from wallride.runtime.host.terminal_text import CLEAR_SCREEN, one_line
+from wallride.runtime.wire import topics
 
 FIELDS: Mapping[str, str] = MappingProxyType(
     {

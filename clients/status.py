@@ -7,13 +7,13 @@ import time
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from clients.answers import reading
-from clients.connection import ConnectionProblemError, connected
-from runtime.host.terminal_text import CLEAR_SCREEN, one_line
-from runtime.telemetry.screen_words import because, steering_words
-from runtime.teleop.status import OperatorState
-from runtime.wire import topics
-from runtime.wire.bus import Bus
+from wallride.clients.answers import reading
+from wallride.clients.connection import ConnectionProblemError, connected
+from wallride.runtime.host.terminal_text import CLEAR_SCREEN, one_line
+from wallride.runtime.telemetry.screen_words import because, steering_words
+from wallride.runtime.teleop.status import OperatorState
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
 
 FIRST_WITHIN_S = 3.0
 REFRESH_S = 0.2

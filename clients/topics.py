@@ -15,11 +15,11 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 
-from clients.connection import ConnectionProblemError, connected
-from clients.decoding import UnreadableError, as_json, as_text, decode
-from runtime.ros.definitions import TYPES
-from runtime.wire import topics
-from runtime.wire.bus import Bus
+from wallride.clients.connection import ConnectionProblemError, connected
+from wallride.clients.decoding import UnreadableError, as_json, as_text, decode
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
 
 KINDS = {**TYPES, **dict.fromkeys(topics.JSON_TOPICS, "JSON"), topics.BEAT: "wallride beat"}
 LISTEN_S = 1.5

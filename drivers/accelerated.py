@@ -18,7 +18,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final, ParamSpec, TypeVar, overload
 
 if TYPE_CHECKING:
-    from drivers.fingerprint import Sources
+    from wallride.drivers.fingerprint import Sources
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -26,7 +26,8 @@ R = TypeVar("R")
 SWITCH: Final = "WALLRIDE_COMPILED"
 """Environment variable; "0": all functions run in Python. It is read at import."""
 ROOT: Final = Path(__file__).parents[1]
-EXTENSION: Final = "drivers._accelerated"
+"""Folder that holds `drivers`, `runtime` and `sim`."""
+EXTENSION: Final = "wallride.drivers._accelerated"
 NOT_BUILT: Final = "not built: wallride build-kernel"
 
 _switched_off: Final = os.environ.get(SWITCH) == "0"
@@ -128,7 +129,7 @@ def extension() -> ModuleType:
 
 @cache
 def sealed() -> Mapping[str, Any]:
-    """Return what the extension says of the Python for which it was built; see `runtime.kernel.survey`."""
+    """Return what the extension says of the Python for which it was built; see `wallride.runtime.kernel.survey`."""
     facts: Mapping[str, Any] = json.loads(extension().SEAL)
     return facts
 
@@ -137,14 +138,16 @@ def sealed() -> Mapping[str, Any]:
 def digest(module: str) -> str:
     """Return a hash of a module's source file."""
     try:
-        return hashlib.sha256((ROOT / (module.replace(".", "/") + ".py")).read_bytes()).hexdigest()
+        return hashlib.sha256(
+            (ROOT / f"{module.removeprefix('wallride.').replace('.', '/')}.py").read_bytes()
+        ).hexdigest()
     except OSError:
         return ""  # without its source it has changed
 
 
 @cache
 def _sources() -> "Sources":
-    from drivers.fingerprint import Sources  # a car whose source is that of the build never parses it
+    from wallride.drivers.fingerprint import Sources  # a car whose source is that of the build never parses it
 
     return Sources(ROOT, passed=frozenset(sealed()["constants"]))
 

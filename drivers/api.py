@@ -13,7 +13,7 @@ from typing import Never, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from drivers.value import value
+from wallride.drivers.value import value
 
 Clock = Callable[[], float]
 """Monotonic seconds. Injected everywhere, so that tests and simulation run on a clock of their own."""

@@ -12,10 +12,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import Final
 
+PACKAGE: Final = "wallride"
 DIGITS: Final = 16
 DECORATORS: Final = frozenset({"accelerated", "accelerable"})
 _METHODS: Final = "()"
 _LEFT_OUT: Final = frozenset({"ctx", "kind", "returns", "annotation", "type_comment", "type_params"})
+
+
+def file_of(module: str) -> Path:
+    """Return the file of a module of ours, "wallride.drivers.link" for one, below the folder that holds `drivers`."""
+    return Path(*module.removeprefix(f"{PACKAGE}.").split(".")).with_suffix(".py")
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +71,7 @@ class Sources:
     def module(self, name: str) -> Module | None:
         """Return a module of ours by its dotted name; None where there is no such file."""
         if name not in self._modules:
-            path = self._root / (name.replace(".", "/") + ".py")
+            path = self._root / file_of(name)
             self._modules[name] = Module(name, ast.parse(path.read_bytes())) if path.is_file() else None
         return self._modules[name]
 

@@ -18,9 +18,9 @@ import termios
 from collections.abc import Callable
 from typing import Never, TypeVar
 
-from drivers import spare_descriptors
-from drivers.address import Address, SerialAddress, TcpAddress
-from drivers.api import Clock, LinkLost
+from wallride.drivers import spare_descriptors
+from wallride.drivers.address import Address, SerialAddress, TcpAddress
+from wallride.drivers.api import Clock, LinkLost
 
 E = TypeVar("E", bound=Exception)
 

@@ -11,50 +11,50 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from drivers.api import Clock, Drive, Lidar, Motor, Scan
-from runtime import kernel
-from runtime.arbitration.command import Output
-from runtime.arbitration.driving_state import DrivingStateMonitor
-from runtime.arbitration.emergency_stop import EmergencyStop
-from runtime.arbitration.permit import Permit
-from runtime.arbitration.queues import Inbox
-from runtime.ending import end
-from runtime.host.systemd import ServiceManager
-from runtime.live_stack import REQUIRED, LiveStack
-from runtime.parameters.history import ChangeHistory
-from runtime.parameters.server import ParameterServer, ServerContext
-from runtime.realtime.garbage import collect_young
-from runtime.realtime.periodic import PeriodicTimer
-from runtime.realtime.scan_phase import ScanPhase
-from runtime.realtime.stage_timing import StageTimer
-from runtime.realtime.wall_clock import WallClock, never_set
-from runtime.recording.own_parts_memory import file_in
-from runtime.recording.recorder import Recorder
-from runtime.ros.graph import DRIVE
-from runtime.settings.tree import Settings
-from runtime.tasks import health, operator, parameters, recorder, safety, wall_follow
-from runtime.tasks import lidar as lidar_task
-from runtime.tasks import mux as mux_task
-from runtime.tasks.battery import BatteryLimit
-from runtime.tasks.computer import ComputerWatch
-from runtime.tasks.health import HealthMonitor
-from runtime.tasks.own_law import OwnLawWatch
-from runtime.tasks.own_parts import OwnPartsKeeper
-from runtime.tasks.scan_cycle import ScanCycle
-from runtime.tasks.standstill import STANDS_BELOW_MPS, Standstill
-from runtime.tasks.telemetry import Telemetry
-from runtime.telemetry.ros2_sink import Ros2Sink
-from runtime.telemetry.sinks import Sink, ZenohSink
-from runtime.telemetry.status import ObservedState
-from runtime.telemetry.topic_writers import laser_frame
-from runtime.teleop.desk import OperatorDesk
-from runtime.teleop.local_operator import LocalOperator
-from runtime.teleop.planners import PlannerDesk
-from runtime.wire import topics
-from runtime.wire.car_bus import POLL_HZ
-from runtime.wire.network import BYTES, Network
-from runtime.wire.rmw_zenoh import MAX_DRIVE_B
-from runtime.wire.teleop import COMMAND_BYTES
+from wallride.drivers.api import Clock, Drive, Lidar, Motor, Scan
+from wallride.runtime import kernel
+from wallride.runtime.arbitration.command import Output
+from wallride.runtime.arbitration.driving_state import DrivingStateMonitor
+from wallride.runtime.arbitration.emergency_stop import EmergencyStop
+from wallride.runtime.arbitration.permit import Permit
+from wallride.runtime.arbitration.queues import Inbox
+from wallride.runtime.ending import end
+from wallride.runtime.host.systemd import ServiceManager
+from wallride.runtime.live_stack import REQUIRED, LiveStack
+from wallride.runtime.parameters.history import ChangeHistory
+from wallride.runtime.parameters.server import ParameterServer, ServerContext
+from wallride.runtime.realtime.garbage import collect_young
+from wallride.runtime.realtime.periodic import PeriodicTimer
+from wallride.runtime.realtime.scan_phase import ScanPhase
+from wallride.runtime.realtime.stage_timing import StageTimer
+from wallride.runtime.realtime.wall_clock import WallClock, never_set
+from wallride.runtime.recording.own_parts_memory import file_in
+from wallride.runtime.recording.recorder import Recorder
+from wallride.runtime.ros.graph import DRIVE
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.tasks import health, operator, parameters, recorder, safety, wall_follow
+from wallride.runtime.tasks import lidar as lidar_task
+from wallride.runtime.tasks import mux as mux_task
+from wallride.runtime.tasks.battery import BatteryLimit
+from wallride.runtime.tasks.computer import ComputerWatch
+from wallride.runtime.tasks.health import HealthMonitor
+from wallride.runtime.tasks.own_law import OwnLawWatch
+from wallride.runtime.tasks.own_parts import OwnPartsKeeper
+from wallride.runtime.tasks.scan_cycle import ScanCycle
+from wallride.runtime.tasks.standstill import STANDS_BELOW_MPS, Standstill
+from wallride.runtime.tasks.telemetry import Telemetry
+from wallride.runtime.telemetry.ros2_sink import Ros2Sink
+from wallride.runtime.telemetry.sinks import Sink, ZenohSink
+from wallride.runtime.telemetry.status import ObservedState
+from wallride.runtime.telemetry.topic_writers import laser_frame
+from wallride.runtime.teleop.desk import OperatorDesk
+from wallride.runtime.teleop.local_operator import LocalOperator
+from wallride.runtime.teleop.planners import PlannerDesk
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.car_bus import POLL_HZ
+from wallride.runtime.wire.network import BYTES, Network
+from wallride.runtime.wire.rmw_zenoh import MAX_DRIVE_B
+from wallride.runtime.wire.teleop import COMMAND_BYTES
 
 log = logging.getLogger("wallride.app")
 

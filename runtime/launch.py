@@ -17,32 +17,32 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from drivers.hokuyo.driver import Hokuyo
-from drivers.vesc.driver import Vesc
-from runtime import kernel
-from runtime.app import Car, CarSurroundings, history_file
-from runtime.control.own_laws.law_class import loaded_files
-from runtime.host.address_file import Address, write_address
-from runtime.host.computer import read_computer
-from runtime.host.ending import end_in_time
-from runtime.host.logging_setup import journal
-from runtime.host.scheduling import ask_for_precedence, keep_for_this_thread
-from runtime.host.stop_signals import STOP_SIGNALS, STOP_SIGNALS_HELD
-from runtime.live_stack import warm_up
-from runtime.realtime import prefetch
-from runtime.realtime.cpu_latency import awake
-from runtime.realtime.scan_phase import ScanPhase
-from runtime.realtime.selector import CheckedSelector
-from runtime.realtime.wall_clock import WallClock
-from runtime.settings.tree import Settings
-from runtime.tasks import parameters
-from runtime.tasks.computer import ComputerWatch
-from runtime.teleop.local_operator import LocalOperator
-from runtime.wire.car_bus import CarBus
-from runtime.wire.network import PortTakenError
-from runtime.wire.port_holder import holder_of, taken_sentence
-from runtime.wire.teleop import session_text
-from runtime.wire.uplink import Uplink, UplinkedBus
+from wallride.drivers.hokuyo.driver import Hokuyo
+from wallride.drivers.vesc.driver import Vesc
+from wallride.runtime import kernel
+from wallride.runtime.app import Car, CarSurroundings, history_file
+from wallride.runtime.control.own_laws.law_class import loaded_files
+from wallride.runtime.host.address_file import Address, write_address
+from wallride.runtime.host.computer import read_computer
+from wallride.runtime.host.ending import end_in_time
+from wallride.runtime.host.logging_setup import journal
+from wallride.runtime.host.scheduling import ask_for_precedence, keep_for_this_thread
+from wallride.runtime.host.stop_signals import STOP_SIGNALS, STOP_SIGNALS_HELD
+from wallride.runtime.live_stack import warm_up
+from wallride.runtime.realtime import prefetch
+from wallride.runtime.realtime.cpu_latency import awake
+from wallride.runtime.realtime.scan_phase import ScanPhase
+from wallride.runtime.realtime.selector import CheckedSelector
+from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.tasks import parameters
+from wallride.runtime.tasks.computer import ComputerWatch
+from wallride.runtime.teleop.local_operator import LocalOperator
+from wallride.runtime.wire.car_bus import CarBus
+from wallride.runtime.wire.network import PortTakenError
+from wallride.runtime.wire.port_holder import holder_of, taken_sentence
+from wallride.runtime.wire.teleop import session_text
+from wallride.runtime.wire.uplink import Uplink, UplinkedBus
 
 log = logging.getLogger("wallride.launch")
 

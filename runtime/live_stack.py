@@ -8,15 +8,15 @@ import math
 
 import numpy as np
 
-from drivers.api import Clock, Drive, MotorState, Scan
-from runtime.arbitration.command import DriveCommand, SafetyAssessment, Source, SpeedLimit, arbitrate, consent
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.control.guidance import Guidance
-from runtime.control.limiter import Limiter, Limits
-from runtime.control.live_laws import LiveLaws
-from runtime.control.vehicle import CarSettings
-from runtime.recording.decision_log import DecisionLog
-from runtime.settings.tree import Settings
+from wallride.drivers.api import Clock, Drive, MotorState, Scan
+from wallride.runtime.arbitration.command import DriveCommand, SafetyAssessment, Source, SpeedLimit, arbitrate, consent
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.recording.decision_log import DecisionLog
+from wallride.runtime.settings.tree import Settings
 
 REQUIRED = frozenset({Source.SAFETY, Source.PERMIT})
 """Sources whose silence is a stop for every less urgent one."""

@@ -3,14 +3,14 @@
 import importlib
 import sys
 
-from drivers.accelerated import FUNCTIONS, UnfitError, sealed
+from wallride.drivers.accelerated import FUNCTIONS, UnfitError, sealed
 
 
 def import_laws():
     """Import every accelerated function and what calls it; UnfitError where the C is not built."""
     for name in sealed()["functions"]:
         importlib.import_module(name.rpartition(".")[0])
-    importlib.import_module("runtime.control.live_laws")
+    importlib.import_module("wallride.runtime.control.live_laws")
 
 
 def put_in_place(monkeypatch, answers):

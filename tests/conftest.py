@@ -18,8 +18,6 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 with pytest.MonkeyPatch.context() as at_import:  # in this process only: those that a test starts drive in C
     at_import.setenv("WALLRIDE_COMPILED", "0")
-    from drivers import accelerated
-    from runtime.control.own_laws import law_class
     from tests.compiled_laws import put_c_in_place
     from tests.hard_limit import (  # noqa: F401 - hooks
         pytest_configure,
@@ -27,6 +25,8 @@ with pytest.MonkeyPatch.context() as at_import:  # in this process only: those t
         pytest_runtest_setup,
         pytest_runtest_teardown,
     )
+    from wallride.drivers import accelerated
+    from wallride.runtime.control.own_laws import law_class
 
 REAL_TIME = (
     "clients", "docs", "drivers", "runtime/host", "runtime/recording", "runtime/tasks", "runtime/wire", "sim/bench",

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from runtime.control.own_laws import law_class
+from wallride.runtime.control.own_laws import law_class
 
 HEAD = "import math, sys, time\nfrom wallride.laws import Guidance, Limit, LawSettings\n"
 NUMBERS = itertools.count()
@@ -19,7 +19,7 @@ def law_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(law_class, "_loaded", {})
     monkeypatch.setattr("sys.path", [*__import__("sys").path])
-    monkeypatch.setattr("runtime.host.user_module._folders", [])
+    monkeypatch.setattr("wallride.runtime.host.user_module._folders", [])
 
     def write(body, *, head=HEAD):
         name = f"own_law_{next(NUMBERS)}"

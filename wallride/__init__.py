@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from clients.remote.car import RemoteCar
-    from clients.remote.recording import RecordedCar
+    from wallride.clients.remote.car import RemoteCar
+    from wallride.clients.remote.recording import RecordedCar
 
 __all__ = ["connect", "open_recording"]
 
@@ -23,13 +23,13 @@ def connect(
     commas; by default $WALLRIDE_CONNECT, else this computer. keys: folder of your keys, for tls. session: of this very
     start of the car. name: shown by the car while you drive.
     """
-    from clients.remote.car import connect as connect_to
+    from wallride.clients.remote.car import connect as connect_to
 
     return connect_to(car, at=at, keys=keys, session=session, name=name)
 
 
 def open_recording(path: Path | str) -> "RecordedCar":
     """Open a recording (.mcap) as if it were a car: the same topics and values."""
-    from clients.remote.recording import open_recording as open_file
+    from wallride.clients.remote.recording import open_recording as open_file
 
     return open_file(path)

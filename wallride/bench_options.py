@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     """Measure; exit code 2 when a package of the simulator is missing, 1 when a run was broken."""
     with needs("sim", "benchmarks need"):
         if options.measurement == "sim":
-            from sim.bench.simulator import run as measure
+            from wallride.sim.bench.simulator import run as measure
         else:
-            from sim.bench.command import run as measure
+            from wallride.sim.bench.command import run as measure
     return int(measure(options))

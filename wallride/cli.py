@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.host.terminal_text import one_line, say
 from wallride import (
     bench_options,
     completion_options,
@@ -30,12 +29,13 @@ from wallride.failure import TRACEBACK_VARIABLE, USAGE_ERROR, ask_again_for_lost
 from wallride.fleet import options as fleet_options
 from wallride.new import options as new_options
 from wallride.parser import DEFAULT_CONFIG, Parser, add_set, default_config
+from wallride.runtime.host.terminal_text import one_line, say
 from wallride.service import options as service_options
 from wallride.vesc import options as vesc_options
 
 if TYPE_CHECKING:
-    from clients.joystick.car_joystick import CarJoystick
-    from runtime.settings.tree import Settings
+    from wallride.clients.joystick.car_joystick import CarJoystick
+    from wallride.runtime.settings.tree import Settings
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -65,9 +65,9 @@ def command() -> int:
     try:
         code = main()
     finally:
-        laws = sys.modules.get("runtime.control.own_laws.law_class")
+        laws = sys.modules.get("wallride.runtime.control.own_laws.law_class")
         if laws is not None and laws.loaded_files():
-            from runtime.host.ending import end_in_time
+            from wallride.runtime.host.ending import end_in_time
 
             end_in_time(code)
             for stream in (sys.stdout, sys.stderr):
@@ -147,11 +147,11 @@ def _add_build_kernel(commands: Any) -> None:  # noqa: ANN401 - argparse has no 
 
 
 def _run(options: argparse.Namespace) -> int:
-    from runtime.security.access_list import KeysError
-    from runtime.settings.tree import SettingsError
     from wallride.doctor.places import colliding_places
     from wallride.doctor.ports import unusable_paths
     from wallride.doctor.slow_speeds import too_slow_to_turn
+    from wallride.runtime.security.access_list import KeysError
+    from wallride.runtime.settings.tree import SettingsError
 
     try:
         file = options.config or default_config()
@@ -165,7 +165,7 @@ def _run(options: argparse.Namespace) -> int:
         return fail(str(error))
     if problems:
         return fail("; ".join(problems))
-    from runtime import launch
+    from wallride.runtime import launch
 
     try:
         files = launch.Files(options.saved or file, file if options.saved else None, options.address_file)
@@ -182,10 +182,10 @@ def _joystick(settings: "Settings") -> "tuple[CarJoystick | None, tuple[str, ...
         return None, ()
     import secrets
 
-    from clients.joystick.car_joystick import CarJoystick
-    from clients.joystick.devices import LinuxPads
-    from clients.teleop.pad_files import read_all
-    from clients.teleop.shaping import InputShape
+    from wallride.clients.joystick.car_joystick import CarJoystick
+    from wallride.clients.joystick.devices import LinuxPads
+    from wallride.clients.teleop.pad_files import read_all
+    from wallride.clients.teleop.shaping import InputShape
 
     wanted = settings.joystick
     layouts, problems = read_all(Path(wanted.layouts_folder))
@@ -194,12 +194,12 @@ def _joystick(settings: "Settings") -> "tuple[CarJoystick | None, tuple[str, ...
 
 
 def _check(options: argparse.Namespace) -> int:
-    from runtime.security.access_list import KeysError
-    from runtime.settings.tree import SettingsError, to_toml
     from wallride.doctor.places import colliding_places
     from wallride.doctor.ports import unusable_paths
     from wallride.doctor.program import laws_open_to_others
     from wallride.doctor.slow_speeds import too_slow_to_turn
+    from wallride.runtime.security.access_list import KeysError
+    from wallride.runtime.settings.tree import SettingsError, to_toml
 
     try:
         settings = _load(options.config or default_config(), options.assignments)
@@ -222,15 +222,15 @@ def _check(options: argparse.Namespace) -> int:
 def _lab(options: argparse.Namespace) -> int:
     with needs("sim", "the simulator needs"):
         if options.experiment == "fit":
-            from sim.fit.command import run
+            from wallride.sim.fit.command import run
         else:
-            from sim.lab.command import run
+            from wallride.sim.lab.command import run
     return run(options)
 
 
 def _build_kernel(options: argparse.Namespace) -> int:
-    from runtime.kernel.build import BuildError
-    from runtime.kernel.command import run
+    from wallride.runtime.kernel.build import BuildError
+    from wallride.runtime.kernel.command import run
 
     try:
         for line in run(native=options.native, seal=options.seal):
@@ -241,7 +241,7 @@ def _build_kernel(options: argparse.Namespace) -> int:
 
 
 def _load(config: Path | None, assignments: Sequence[str], saved: Path | None = None) -> "Settings":
-    from runtime.settings.tree import load_settings
+    from wallride.runtime.settings.tree import load_settings
 
     return load_settings(config, assignments, saved, laws=True)
 
@@ -250,8 +250,8 @@ def _session(settings: "Settings") -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return the configuration of the car's session and warnings about its keys; KeysError for unusable keys."""
     from datetime import UTC, datetime
 
-    from runtime.ros.graph import access
-    from runtime.security.key_files import car_session
+    from wallride.runtime.ros.graph import access
+    from wallride.runtime.security.key_files import car_session
 
     telemetry, ros = settings.telemetry, settings.ros2_graph()
     keys = access(ros, drives=settings.ros2.drive) if ros is not None else None
@@ -262,8 +262,8 @@ def _routers(settings: "Settings") -> tuple[list[dict[str, Any]], tuple[str, ...
     """Return the configurations of the sessions with routers and warnings about their keys; KeysError as above."""
     from datetime import UTC, datetime
 
-    from runtime.security.key_files import uplink_sessions
-    from runtime.wire.zenoh_config import Role
+    from wallride.runtime.security.key_files import uplink_sessions
+    from wallride.runtime.wire.zenoh_config import Role
 
     telemetry, planners = settings.telemetry, settings.planner_names()
     highest = Role(telemetry.connect_role)
@@ -274,8 +274,8 @@ def _routers(settings: "Settings") -> tuple[list[dict[str, Any]], tuple[str, ...
 
 def _saved_limits(file: Path | None) -> tuple[str, ...]:
     """Return a warning for each limit that was saved while the car ran, from afar or on its page."""
-    from runtime.parameters.catalogue import shown
-    from runtime.parameters.file import MARK, marked
+    from wallride.runtime.parameters.catalogue import shown
+    from wallride.runtime.parameters.file import MARK, marked
 
     limits = marked(file) if file is not None else {}
     return tuple(
@@ -286,7 +286,7 @@ def _saved_limits(file: Path | None) -> tuple[str, ...]:
 
 def _own_law_mistakes(settings: "Settings") -> list[str]:
     """Return what is wrong with the user's own laws."""
-    from runtime.control.methods import own_law_mistakes
+    from wallride.runtime.control.methods import own_law_mistakes
 
     return own_law_mistakes(settings.wall_follow, settings.safety, settings.car)
 

@@ -17,7 +17,7 @@ HIGHEST_PORT = 65535
 
 
 def add_common(parser: argparse.ArgumentParser) -> None:
-    """Add --car, --session, --connect and --keys; `clients.connection` reads them."""
+    """Add --car, --session, --connect and --keys; `wallride.clients.connection` reads them."""
     parser.add_argument("--car", metavar="NAME", help="name of the car (default: the only one found)")
     parser.add_argument(
         "--session", type=_session, metavar="ID",
@@ -53,8 +53,8 @@ def add_name(parser: argparse.ArgumentParser) -> None:
 
 def run_client(program: Callable[[argparse.Namespace], Coroutine[Any, Any, int]], options: argparse.Namespace) -> int:
     """Run a client's coroutine; an error that the user can correct becomes one line and exit code 2."""
-    from clients.connection import ConnectionProblemError
-    from clients.ending import run_to_end
+    from wallride.clients.connection import ConnectionProblemError
+    from wallride.clients.ending import run_to_end
 
     try:
         return run_to_end(program(options))

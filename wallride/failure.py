@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from runtime.host.terminal_text import one_line, say
+from wallride.runtime.host.terminal_text import one_line, say
 
 USAGE_ERROR = 2
 UNEXPECTED = 1
@@ -16,7 +16,7 @@ ASKED_AGAIN_S = 0.02
 TRACEBACK_VARIABLE = "WALLRIDE_TRACEBACK"
 """Environment variable: with any value, an unexpected exception is shown whole."""
 LAST_ERROR = "last-error.txt"
-OWN_PACKAGES = frozenset({"clients", "drivers", "runtime", "sim", "wallride"})
+OWN_PACKAGE = "wallride"
 
 
 def fail(message: str) -> int:
@@ -49,7 +49,7 @@ def needs(extra: str, subject: str) -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] in OWN_PACKAGES:
+        if (error.name or "").split(".")[0] == OWN_PACKAGE:
             raise
         message = f"{subject} {error.name}: install it with  pip install 'wallride[{extra}]'"
         raise SystemExit(fail(message)) from None

@@ -5,9 +5,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.host.terminal_text import say
 from wallride import client_options
 from wallride.failure import fail, needs
+from wallride.runtime.host.terminal_text import say
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     if options.layout:
         return _print_layout()
     with needs("foxglove", "foxglove needs"):
-        from clients.foxglove import server
+        from wallride.clients.foxglove import server
     return client_options.run_client(server.run, options)
 
 

@@ -3,10 +3,10 @@
 import argparse
 from pathlib import Path
 
-from runtime.host.terminal_text import one_line, say
 from wallride.client_options import between
 from wallride.failure import fail, needs
 from wallride.parser import default_config
+from wallride.runtime.host.terminal_text import one_line, say
 
 DEFAULT_DIR = Path("/etc/wallride/keys")
 ROLES = ("viewer", "operator", "admin", "planner", "car")
@@ -70,11 +70,11 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(options: argparse.Namespace) -> int:
     """Run the action and print the next step; exit code 2 with one line for an error that the user can correct."""
-    from runtime.security.access_list import KeysError
-    from runtime.settings.tree import SettingsError
+    from wallride.runtime.security.access_list import KeysError
+    from wallride.runtime.settings.tree import SettingsError
 
     with needs("keys", "keys need"):
-        from clients.keys import command
+        from wallride.clients.keys import command
     try:
         lines = command.run(options, options.car or _car_name())
     except (KeysError, SettingsError) as error:
@@ -84,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _car_name() -> str:
-    from runtime.settings.tree import load_settings
+    from wallride.runtime.settings.tree import load_settings
 
     return load_settings(default_config()).car.name
 

@@ -5,8 +5,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.host.terminal_text import say
 from wallride import client_options
+from wallride.runtime.host.terminal_text import say
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
@@ -68,13 +68,13 @@ def _add_record(commands: "Commands") -> None:
 
 
 def _logs(options: argparse.Namespace) -> int:
-    from clients import logs
+    from wallride.clients import logs
 
     return client_options.run_client(logs.run, options)
 
 
 def _record(options: argparse.Namespace) -> int:
-    from clients import logs
+    from wallride.clients import logs
 
     return client_options.run_client(logs.record, options)
 

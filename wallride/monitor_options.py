@@ -3,9 +3,9 @@
 import argparse
 from pathlib import Path
 
-from runtime.host.terminal_text import say
 from wallride.client_options import add_common, add_name, between, port, run_client
 from wallride.failure import needs
+from wallride.runtime.host.terminal_text import say
 
 DEFAULT_PORT = 8447
 
@@ -57,5 +57,5 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 def run(options: argparse.Namespace) -> int:
     """Run the server; exit code 2 when a package is missing."""
     with needs("monitor", "the monitor needs"):
-        from clients.monitor import server
+        from wallride.clients.monitor import server
     return run_client(server.run, options)

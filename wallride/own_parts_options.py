@@ -23,6 +23,6 @@ def add(commands: "Commands") -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Send the request to the car."""
-    from clients import own_parts
+    from wallride.clients import own_parts
 
     return client_options.run_client(own_parts.run, options)

@@ -34,6 +34,6 @@ def add(commands: "Commands") -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Send the request to the car."""
-    from clients import parameters
+    from wallride.clients import parameters
 
     return client_options.run_client(parameters.run, options)

@@ -9,7 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from runtime.arbitration.driving_state import (
+from wallride.cli import build_parser
+from wallride.runtime.arbitration.driving_state import (
     BATTERY_CLEARED_BY,
     CLEARED_BY,
     PLANNER_CLEARED_BY,
@@ -17,17 +18,16 @@ from runtime.arbitration.driving_state import (
     DrivingState,
     Observation,
 )
-from runtime.control.method_settings import OwnSafetySettings
-from runtime.control.own_laws.law_class import OWN_TAG
-from runtime.control.own_laws.settings import OwnFollowSettings
-from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
-from runtime.parameters.catalogue import Parameter, catalogue
-from runtime.parameters.policy import Effect
-from runtime.ros.definitions import TYPES
-from runtime.settings.telemetry import RatesHz
-from runtime.settings.tree import Settings
-from runtime.wire import topics
-from wallride.cli import build_parser
+from wallride.runtime.control.method_settings import OwnSafetySettings
+from wallride.runtime.control.own_laws.law_class import OWN_TAG
+from wallride.runtime.control.own_laws.settings import OwnFollowSettings
+from wallride.runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
+from wallride.runtime.parameters.catalogue import Parameter, catalogue
+from wallride.runtime.parameters.policy import Effect
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.settings.telemetry import RatesHz
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.wire import topics
 
 FOLDER: Final = Path(__file__).resolve().parents[1] / "docs" / "reference"
 COMMAND: Final = "python -m wallride.reference"

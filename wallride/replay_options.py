@@ -64,7 +64,7 @@ def add_file(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Replay; exit code 2 with one line for an error that the user can correct."""
-    return run_offline("sim.replay.command", options)
+    return run_offline("wallride.sim.replay.command", options)
 
 
 def run_offline(module: str, options: argparse.Namespace) -> int:
@@ -73,8 +73,8 @@ def run_offline(module: str, options: argparse.Namespace) -> int:
 
     with needs("sim", "recordings need"):
         command = import_module(module)
-        from runtime.settings.tree import SettingsError
-        from sim.recordings import RecordingError
+        from wallride.runtime.settings.tree import SettingsError
+        from wallride.sim.recordings import RecordingError
     for name in ("file", "beside"):
         if getattr(options, name, None) is not None:
             setattr(options, name, found(getattr(options, name)))
@@ -88,8 +88,8 @@ def run_offline(module: str, options: argparse.Namespace) -> int:
 
 def found(path: Path) -> Path:
     """Return a recording's path: as it is written, or, where nothing is there, as `wallride logs` lists it."""
-    from runtime.recording.ring import file_named
-    from runtime.settings.recording import recordings_folder
+    from wallride.runtime.recording.ring import file_named
+    from wallride.runtime.settings.recording import recordings_folder
 
     return path if path.exists() else file_named(path, recordings_folder("")) or path
 

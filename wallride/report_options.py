@@ -42,12 +42,12 @@ def add(commands: "Commands") -> None:
 
 
 def _report(options: argparse.Namespace) -> int:
-    return replay_options.run_offline("sim.run_report.command", options)
+    return replay_options.run_offline("wallride.sim.run_report.command", options)
 
 
 def _plot(options: argparse.Namespace) -> int:
     with needs("clients", "plot needs"):
-        from clients import plot
+        from wallride.clients import plot
     return client_options.run_client(plot.run, options)
 
 

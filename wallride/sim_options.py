@@ -85,11 +85,11 @@ def cars(text: str) -> int:
 
 def run(options: argparse.Namespace) -> int:
     """Simulate; Ctrl-C ends the drive as the end of the duration does."""
-    from sim.live.stop_request import StopRequest
     from wallride.failure import needs
+    from wallride.sim.live.stop_request import StopRequest
 
     stop = StopRequest()
     with stop.listening():
         with needs("sim", "the simulator needs"), stop.loading():
-            from sim.live.command import simulate
+            from wallride.sim.live.command import simulate
         return simulate(options, stop)

@@ -30,7 +30,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 def run(options: argparse.Namespace) -> int:
     """Run the client; exit code 2 when a package is missing."""
     with needs("teleop", "teleop needs"):
-        from clients.teleop.app import TeleopProblemError, operate
+        from wallride.clients.teleop.app import TeleopProblemError, operate
     try:
         return run_client(operate, options)
     except TeleopProblemError as problem:

@@ -3,8 +3,8 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from runtime.host.terminal_text import say
 from wallride import client_options
+from wallride.runtime.host.terminal_text import say
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
@@ -50,18 +50,18 @@ def _add_status(commands: "Commands") -> None:
 
 
 def _topic(options: argparse.Namespace) -> int:
-    from clients import topics
+    from wallride.clients import topics
 
     return client_options.run_client(topics.run, options)
 
 
 def _cars(options: argparse.Namespace) -> int:
-    from clients.fleet import cars
+    from wallride.clients.fleet import cars
 
     return client_options.run_client(cars.run, options)
 
 
 def _status(options: argparse.Namespace) -> int:
-    from clients import status
+    from wallride.clients import status
 
     return client_options.run_client(status.run, options)

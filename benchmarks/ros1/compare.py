@@ -23,12 +23,12 @@ from typing import Any
 
 import numpy as np
 
-from sim.bench import measure
-from sim.bench.command import machine
-from sim.bench.cost import ProcessMeter
-from sim.bench.course import BenchScans, make_course
-from sim.bench.medians import median_of
-from sim.bench.rig import FIFO_PRIORITY, another_computer
+from wallride.sim.bench import measure
+from wallride.sim.bench.command import machine
+from wallride.sim.bench.cost import ProcessMeter
+from wallride.sim.bench.course import BenchScans, make_course
+from wallride.sim.bench.medians import median_of
+from wallride.sim.bench.rig import FIFO_PRIORITY, another_computer
 
 HERE = Path(__file__).resolve().parent
 NODES = str(HERE / "build" / "nodes")
@@ -77,7 +77,7 @@ def main() -> None:
     if options.json:
         options.json.write_text(json.dumps({**machine(), "medians": medians, "runs": runs}, indent=2) + "\n")
     if options.plot:
-        from sim.bench.picture import histogram
+        from wallride.sim.bench.picture import histogram
 
         histogram(options.plot / "peers.png", "scan to drive command, side by side", samples_ms)
 

@@ -5,11 +5,11 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from clients.calibration import settings_file
-from clients.calibration.current_values import check_writable, current_values
-from clients.calibration.deadman import AlwaysHeld, TerminalDeadman
-from clients.calibration.link import LetGoError, RemoteLink
-from clients.calibration.steps import (
+from wallride.clients.calibration import settings_file
+from wallride.clients.calibration.current_values import check_writable, current_values
+from wallride.clients.calibration.deadman import AlwaysHeld, TerminalDeadman
+from wallride.clients.calibration.link import LetGoError, RemoteLink
+from wallride.clients.calibration.steps import (
     OUTLINE,
     OUTLINE_WORDS,
     SPEED,
@@ -19,16 +19,16 @@ from clients.calibration.steps import (
     drive_tape,
     driven_steps,
 )
-from clients.calibration.ways import CalibrationError
-from clients.connection import ConnectionProblemError
-from clients.remote.car import RemoteCar, connect
-from clients.remote.driver import DriveRefusedError
-from clients.teleop import terminal
-from runtime.calibration import proposals
-from runtime.calibration.proposals import Proposal
-from runtime.host.terminal_text import say
-from runtime.parameters.file import StoreError
-from runtime.settings.tree import SettingsError
+from wallride.clients.calibration.ways import CalibrationError
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.remote.car import RemoteCar, connect
+from wallride.clients.remote.driver import DriveRefusedError
+from wallride.clients.teleop import terminal
+from wallride.runtime.calibration import proposals
+from wallride.runtime.calibration.proposals import Proposal
+from wallride.runtime.host.terminal_text import say
+from wallride.runtime.parameters.file import StoreError
+from wallride.runtime.settings.tree import SettingsError
 
 TRIES = 5
 Ask = Callable[[str], str]

@@ -4,12 +4,12 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from clients.calibration.steps import OUTLINE_WORDS, SERVO_ENDS
-from clients.calibration.ways import CalibrationError
-from clients.remote.car import RemoteCar
-from runtime.calibration import proposals
-from runtime.parameters.catalogue import values
-from runtime.settings.tree import load_settings
+from wallride.clients.calibration.steps import OUTLINE_WORDS, SERVO_ENDS
+from wallride.clients.calibration.ways import CalibrationError
+from wallride.clients.remote.car import RemoteCar
+from wallride.runtime.calibration import proposals
+from wallride.runtime.parameters.catalogue import values
+from wallride.runtime.settings.tree import load_settings
 
 NAMES = (
     proposals.SPEED_GAIN, proposals.WHEELBASE, proposals.SERVO_GAIN, proposals.SERVO_OFFSET, proposals.LIDAR_X,

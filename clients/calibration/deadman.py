@@ -4,9 +4,9 @@ import time
 from types import TracebackType
 from typing import Self
 
-from clients.calibration.link import LetGoError
-from clients.teleop.keyboard import HeldKeys, Quit, RepeatedKeys
-from clients.teleop.terminal import Terminal
+from wallride.clients.calibration.link import LetGoError
+from wallride.clients.teleop.keyboard import HeldKeys, Quit, RepeatedKeys
+from wallride.clients.teleop.terminal import Terminal
 
 PERIOD_S = 0.02
 

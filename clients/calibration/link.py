@@ -8,12 +8,12 @@ from statistics import median
 from types import TracebackType
 from typing import Any, Protocol, Self
 
-from clients.calibration.ways import CalibrationError
-from clients.connection import ConnectionProblemError
-from clients.remote.driver import DriveRefusedError, RemoteDriver
-from clients.remote.values import DriveSample, MotorSample, ScanSample
-from runtime.calibration.trace import TraceBuilder
-from runtime.wire import topics
+from wallride.clients.calibration.ways import CalibrationError
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.remote.driver import DriveRefusedError, RemoteDriver
+from wallride.clients.remote.values import DriveSample, MotorSample, ScanSample
+from wallride.runtime.calibration.trace import TraceBuilder
+from wallride.runtime.wire import topics
 
 MAX_SPEED_MPS, MAX_STEERING_RAD = 1.5, 0.4
 READ = (topics.SCAN, topics.MOTOR, topics.OUTPUT)

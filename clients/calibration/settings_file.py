@@ -11,10 +11,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from runtime.calibration.proposals import Proposal
-from runtime.parameters import toml_text
-from runtime.parameters.file import StoreError, replace
-from runtime.settings.tree import SettingsError, load_settings
+from wallride.runtime.calibration.proposals import Proposal
+from wallride.runtime.parameters import toml_text
+from wallride.runtime.parameters.file import StoreError, replace
+from wallride.runtime.settings.tree import SettingsError, load_settings
 
 SUFFIX = ".before-calibration.json"
 

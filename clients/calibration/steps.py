@@ -3,19 +3,19 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from clients.calibration import ways
-from clients.calibration.ways import CalibratedCar, CalibrationError
-from runtime.calibration import proposals
-from runtime.calibration.arc_fit import AssumedCar
-from runtime.calibration.measured_car import (
+from wallride.clients.calibration import ways
+from wallride.clients.calibration.ways import CalibratedCar, CalibrationError
+from wallride.runtime.calibration import proposals
+from wallride.runtime.calibration.arc_fit import AssumedCar
+from wallride.runtime.calibration.measured_car import (
     MeasuredArcs,
     measure_arcs,
     measure_braking,
     measure_delays,
     measure_forward_m,
 )
-from runtime.calibration.near_parts import sectors
-from runtime.calibration.proposals import Proposal
+from wallride.runtime.calibration.near_parts import sectors
+from wallride.runtime.calibration.proposals import Proposal
 
 SPEED, STEERING, LIDAR, PARTS, DELAY, BRAKE, OUTLINE = STEPS = (
     "speed", "steering", "lidar", "own-parts", "delay", "brake", "outline",

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Protocol
 
-from runtime.calibration.trace import STANDS_BELOW_MPS, TraceBuilder
+from wallride.runtime.calibration.trace import STANDS_BELOW_MPS, TraceBuilder
 
 STAND_SCANS = 28
 FIRST_STAND_SCANS = 16

@@ -13,7 +13,7 @@ from typing import Final, Never
 
 from aiohttp import web
 
-from runtime.host.terminal_text import one_line
+from wallride.runtime.host.terminal_text import one_line
 
 IDLE_S: Final = 10.0
 MAX_CONNECTIONS: Final = 64

@@ -7,9 +7,9 @@ from typing import Final
 
 from aiohttp import web
 
-from clients.door.auth import DoorAuth
-from clients.door.connections import MAX_VISITS, lasting, shortened
-from runtime.host.rate_limited_log import RateLimitedLog
+from wallride.clients.door.auth import DoorAuth
+from wallride.clients.door.connections import MAX_VISITS, lasting, shortened
+from wallride.runtime.host.rate_limited_log import RateLimitedLog
 
 PING_EVERY_S: Final = 5.0
 """Period of pings; the socket of a phone out of reach is closed after this and a half."""

@@ -8,9 +8,9 @@ from contextlib import asynccontextmanager
 
 from aiohttp import web
 
-from clients.connection import ConnectionProblemError
-from clients.door.connections import QUIET, end_idle
-from runtime.ending import end
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.door.connections import QUIET, end_idle
+from wallride.runtime.ending import end
 
 EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104 - compared with, not listened on
 SOMEWHERE = "192.0.2.1"

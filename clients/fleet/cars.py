@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, TypeVar
 
-from clients.fleet.links import FleetLink, fleet_links
-from clients.fleet.status_shape import check_status
-from clients.fleet.watching import watch
-from clients.status import headline
-from runtime.host.terminal_text import one_line
-from runtime.wire import topics
+from wallride.clients.fleet.links import FleetLink, fleet_links
+from wallride.clients.fleet.status_shape import check_status
+from wallride.clients.fleet.watching import watch
+from wallride.clients.status import headline
+from wallride.runtime.host.terminal_text import one_line
+from wallride.runtime.wire import topics
 
 WITHIN_S = 1.0
 OLD_S = 1.0

@@ -9,7 +9,7 @@ from collections import deque
 from dataclasses import dataclass
 from statistics import median
 
-from clients.fleet.start_line import Crossing, StartLine
+from wallride.clients.fleet.start_line import Crossing, StartLine
 
 MIN_LAP_M = 3.0
 """Way after a crossing before the next one counts: a car that trembles on the line drives no laps."""

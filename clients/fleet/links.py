@@ -6,9 +6,9 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
-from clients.endpoints import endpoint_configs
-from runtime.ending import end
-from runtime.wire.bus import Bus
+from wallride.clients.endpoints import endpoint_configs
+from wallride.runtime.ending import end
+from wallride.runtime.wire.bus import Bus
 
 RETRY_S = 0.5
 UNANSWERED = "no answer yet; is the car or router there on?"

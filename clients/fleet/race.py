@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
 
-from clients.fleet.lap_timer import LapTime, LapTimer, RacePose
-from clients.fleet.start_line import StartLine
+from wallride.clients.fleet.lap_timer import LapTime, LapTimer, RacePose
+from wallride.clients.fleet.start_line import StartLine
 
 STANDS_S = 3.0
 SILENT_S = 1.0

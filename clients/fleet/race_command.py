@@ -6,12 +6,12 @@ import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
 
-from clients.connection import ConnectionProblemError
-from clients.fleet.cars import FleetView
-from clients.fleet.links import fleet_links
-from clients.fleet.race import Order, RaceControl, Standing
-from clients.fleet.start_line import StartLine, line_between
-from clients.fleet.watching import watch
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.fleet.cars import FleetView
+from wallride.clients.fleet.links import fleet_links
+from wallride.clients.fleet.race import Order, RaceControl, Standing
+from wallride.clients.fleet.start_line import StartLine, line_between
+from wallride.clients.fleet.watching import watch
 
 EVERY_S = 1.0
 

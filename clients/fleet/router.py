@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from clients.connection import ConnectionProblemError
-from clients.ending import interrupted
-from runtime.wire.bus import Bus
-from runtime.wire.endpoints import check_listening
-from runtime.wire.router_config import router_config
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.ending import interrupted
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.endpoints import check_listening
+from wallride.runtime.wire.router_config import router_config
 
 COMMENT = "//"
 KEY_FILES: Final = ("root_ca_certificate", "listen_certificate", "listen_private_key")

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Final
 
-from clients.endpoints import ConnectionProblemError, given_by
-from clients.fleet.links import UNANSWERED, FleetLink, fleet_links
-from runtime.wire import topics
-from runtime.wire.teleop import Malformed, read_beat, session_text
+from wallride.clients.endpoints import ConnectionProblemError, given_by
+from wallride.clients.fleet.links import UNANSWERED, FleetLink, fleet_links
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.teleop import Malformed, read_beat, session_text
 
 PERIOD_S: Final = 0.05
 WITHIN_S: Final = 3.0

@@ -9,12 +9,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from clients.connection import ConnectionProblemError
-from clients.fleet.links import FleetLink, fleet_links
-from runtime.host.terminal_text import one_line
-from runtime.wire import topics
-from runtime.wire.network import BYTES
-from runtime.wire.teleop import CarCondition, Command, Input, Malformed, Press, read_beat, session_text
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.fleet.links import FleetLink, fleet_links
+from wallride.runtime.host.terminal_text import one_line
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.network import BYTES
+from wallride.runtime.wire.teleop import CarCondition, Command, Input, Malformed, Press, read_beat, session_text
 
 PERIOD_S = 0.02
 SETTLING_S = 0.5

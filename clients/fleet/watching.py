@@ -5,10 +5,10 @@ import asyncio
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-from clients.fleet.links import FleetLink
-from clients.fleet.stop import PERIOD_S, FleetStop
-from clients.teleop import terminal
-from runtime.host.terminal_text import CLEAR_SCREEN, one_line
+from wallride.clients.fleet.links import FleetLink
+from wallride.clients.fleet.stop import PERIOD_S, FleetStop
+from wallride.clients.teleop import terminal
+from wallride.runtime.host.terminal_text import CLEAR_SCREEN, one_line
 
 REFRESH_S = 0.2
 STOP_KEYS = b" \x1b"

@@ -4,10 +4,10 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from runtime.recording.channels import STRING, schema_text, text
-from runtime.ros.definitions import SCHEMA_ENCODING, TYPES
-from runtime.wire import topics
-from runtime.wire.bus import Bus
+from wallride.runtime.recording.channels import STRING, schema_text, text
+from wallride.runtime.ros.definitions import SCHEMA_ENCODING, TYPES
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
 
 TEXTS: Final = (topics.STATUS, topics.DECISION)
 """Topics with JSON on zenoh; std_msgs/String here, as in a recording, so that one layout fits both."""

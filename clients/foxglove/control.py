@@ -11,15 +11,15 @@ import time
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from clients.connection import ConnectionProblemError
-from clients.parameters import ask
-from clients.teleop.inputs import Control, Inputs
-from clients.teleop.pilot import Pilot
-from clients.teleop.shaping import InputShape
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.network import RefusedError
-from runtime.wire.teleop import Input, Malformed, read_beat
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.parameters import ask
+from wallride.clients.teleop.inputs import Control, Inputs
+from wallride.clients.teleop.pilot import Pilot
+from wallride.clients.teleop.shaping import InputShape
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import RefusedError
+from wallride.runtime.wire.teleop import Input, Malformed, read_beat
 
 NAME = "foxglove"
 PERIOD_S, PRESSED_STEPS = 0.02, 25

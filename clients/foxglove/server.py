@@ -10,15 +10,15 @@ from typing import Final
 
 from aiohttp import web
 
-from clients.connection import connected
-from clients.door.auth import DoorAuth, door_auth, is_loopback
-from clients.door.door import Door
-from clients.door.listening import listening
-from clients.door.token_file import login_token
-from clients.ending import interrupted
-from clients.foxglove.channels import CarChannels
-from clients.foxglove.control import EStop, ViewedSettings
-from clients.foxglove.viewer import LONGEST, PROTOCOLS, Served, Viewer
+from wallride.clients.connection import connected
+from wallride.clients.door.auth import DoorAuth, door_auth, is_loopback
+from wallride.clients.door.door import Door
+from wallride.clients.door.listening import listening
+from wallride.clients.door.token_file import login_token
+from wallride.clients.ending import interrupted
+from wallride.clients.foxglove.channels import CarChannels
+from wallride.clients.foxglove.control import EStop, ViewedSettings
+from wallride.clients.foxglove.viewer import LONGEST, PROTOCOLS, Served, Viewer
 
 log = logging.getLogger("wallride.foxglove")
 

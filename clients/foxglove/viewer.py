@@ -15,9 +15,9 @@ from typing import Any, Final
 
 from aiohttp import WSMsgType, web
 
-from clients.foxglove.channels import CarChannels, offered
-from clients.foxglove.control import EStop, ViewedSettings
-from runtime.wire import topics
+from wallride.clients.foxglove.channels import CarChannels, offered
+from wallride.clients.foxglove.control import EStop, ViewedSettings
+from wallride.runtime.wire import topics
 
 PROTOCOLS: Final = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 LONGEST: Final = 65536

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final, Never, Protocol
 
-from clients.teleop.gamepad import Happening
-from clients.teleop.pads import Layout
-from clients.teleop.pilot import Pilot
-from clients.teleop.shaping import InputShape
-from clients.teleop.sources import PLUG_IN, PadSource
-from runtime.wire.teleop import read_beat
+from wallride.clients.teleop.gamepad import Happening
+from wallride.clients.teleop.pads import Layout
+from wallride.clients.teleop.pilot import Pilot
+from wallride.clients.teleop.shaping import InputShape
+from wallride.clients.teleop.sources import PLUG_IN, PadSource
+from wallride.runtime.wire.teleop import read_beat
 
 log = logging.getLogger("wallride.joystick")
 
@@ -33,7 +33,7 @@ class WatchedPads(Protocol):
 
 
 class CarJoystick:
-    """A `runtime.teleop.local_operator.LocalOperator`: without a pad it says nothing, and needs nothing.
+    """A `wallride.runtime.teleop.local_operator.LocalOperator`: without a pad it says nothing, and needs nothing.
 
     session: random and not 0. own: layouts of unknown pads by GUID or USB id.
     """

@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Never, Protocol
 
-from clients.joystick.evdev import ABS_HAT3Y, EV_ABS, EV_KEY, RECORD, EventReader, PadDescription
-from clients.teleop.gamepad import Gone, Happening, PadConnected, PadMoved
-from clients.teleop.pads import Axis, Button, Event
+from wallride.clients.joystick.evdev import ABS_HAT3Y, EV_ABS, EV_KEY, RECORD, EventReader, PadDescription
+from wallride.clients.teleop.gamepad import Gone, Happening, PadConnected, PadMoved
+from wallride.clients.teleop.pads import Axis, Button, Event
 
 log = logging.getLogger("wallride.joystick")
 
@@ -122,7 +122,7 @@ class _Node:
 
 @dataclass(slots=True)
 class LinuxPads:
-    """The gamepads of this computer, as `clients.teleop.sources.PadSource` takes them.
+    """The gamepads of this computer, as `wallride.clients.teleop.sources.PadSource` takes them.
 
     open_device: opens one; OSError where that is not possible.
     """

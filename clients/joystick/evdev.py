@@ -1,4 +1,4 @@
-"""Linux's input events as events of a pad. Pure: bytes and a description in, `clients.teleop.pads` events out.
+"""Linux's input events as events of a pad. Pure: bytes and a description in, `wallride.clients.teleop.pads` events out.
 
 SDL's order of buttons and axes is kept (buttons from 0x120 by code, then the lower ones; axes by code without hats), so
 that the layouts of `pads`, and those that `wallride teleop --map` wrote, are the same here. Codes are those of
@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from clients.teleop.pads import Axis, Button, Event, Hat
+from wallride.clients.teleop.pads import Axis, Button, Event, Hat
 
 RECORD: Final = struct.Struct("@llHHi")
 """struct input_event: seconds, microseconds, type, code, value."""

@@ -20,7 +20,7 @@ from cryptography.hazmat.primitives.serialization import (
 )
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID, ObjectIdentifier
 
-from runtime.security.access_list import KeysError
+from wallride.runtime.security.access_list import KeysError
 
 AUTHORITY_DAYS = 3650
 BACKDATED = timedelta(days=1)

@@ -9,12 +9,12 @@ from typing import Any
 
 from cryptography import x509
 
-from clients.keys.folder import KeyFolder
-from runtime.security.access_list import AccessEntry, KeysError
-from runtime.security.certificates import EXPIRES_SOON, CertificateIdentity, identity_of
-from runtime.security.key_files import AUTHORITY, CAR, open_to_others
-from runtime.wire.router_config import router_config
-from runtime.wire.zenoh_config import Person, Role, Tls
+from wallride.clients.keys.folder import KeyFolder
+from wallride.runtime.security.access_list import AccessEntry, KeysError
+from wallride.runtime.security.certificates import EXPIRES_SOON, CertificateIdentity, identity_of
+from wallride.runtime.security.key_files import AUTHORITY, CAR, open_to_others
+from wallride.runtime.wire.router_config import router_config
+from wallride.runtime.wire.zenoh_config import Person, Role, Tls
 
 SECURE_PORT = 7448
 ROUTER_PORT = 7449

@@ -6,8 +6,8 @@ Only after zenoh failed, only with the standard library, and nothing is sent bey
 import socket
 import ssl
 
-from runtime.wire.endpoints import split_endpoint
-from runtime.wire.zenoh_config import Tls
+from wallride.runtime.wire.endpoints import split_endpoint
+from wallride.runtime.wire.zenoh_config import Tls
 
 _EXPIRED, _NOT_YET_VALID, _WRONG_NAME, _WRONG_ADDRESS = 10, 9, 62, 64
 """X509_V_ERR_... of OpenSSL, x509_vfy.h"""

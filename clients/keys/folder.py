@@ -21,10 +21,10 @@ from dataclasses import replace
 from datetime import date, datetime
 from pathlib import Path
 
-from clients.keys.authority import Authority, KeyPair
-from runtime.security.access_list import CAR_FORM, AccessEntry, KeysError, name_trouble, read_people
-from runtime.security.key_files import AUTHORITY, AUTHORITY_KEY, CAR, PEOPLE, open_to_others
-from runtime.wire.zenoh_config import Person, Role
+from wallride.clients.keys.authority import Authority, KeyPair
+from wallride.runtime.security.access_list import CAR_FORM, AccessEntry, KeysError, name_trouble, read_people
+from wallride.runtime.security.key_files import AUTHORITY, AUTHORITY_KEY, CAR, PEOPLE, open_to_others
+from wallride.runtime.wire.zenoh_config import Person, Role
 
 SERVICE_GROUP = "wallride"
 HEAD = "# Who may do what on this car. Written by `wallride keys`; the car reads it when it starts.\n"

@@ -25,7 +25,7 @@ class Asset:
 
 def read_all() -> dict[str, Asset]:
     """Return every file of the page by its path, such as `controls/hands.js`."""
-    return dict(_files_in(resources.files("clients.monitor").joinpath("page"), ""))
+    return dict(_files_in(resources.files("wallride.clients.monitor").joinpath("page"), ""))
 
 
 def _files_in(folder: Traversable, path: str) -> Iterator[tuple[str, Asset]]:

@@ -13,23 +13,23 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 
-from clients.calibration import settings_file
-from clients.calibration.current_values import check_writable, current_values
-from clients.calibration.link import LetGoError, RemoteLink
-from clients.calibration.steps import CalibrationProgress, DrivenStep, driven_steps
-from clients.calibration.ways import CalibrationError
-from clients.connection import ConnectionProblemError
-from clients.decoding import UnreadableError
-from clients.monitor.messages import Calibrate, InputState
-from clients.monitor.page_deadman import PageDeadman
-from clients.remote.car import RemoteCar
-from clients.remote.driver import DriveRefusedError
-from runtime.calibration import proposals
-from runtime.calibration.proposals import Proposal
-from runtime.parameters.file import StoreError
-from runtime.settings.tree import SettingsError
-from runtime.wire.network import RefusedError
-from runtime.wire.teleop import Beat
+from wallride.clients.calibration import settings_file
+from wallride.clients.calibration.current_values import check_writable, current_values
+from wallride.clients.calibration.link import LetGoError, RemoteLink
+from wallride.clients.calibration.steps import CalibrationProgress, DrivenStep, driven_steps
+from wallride.clients.calibration.ways import CalibrationError
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.decoding import UnreadableError
+from wallride.clients.monitor.messages import Calibrate, InputState
+from wallride.clients.monitor.page_deadman import PageDeadman
+from wallride.clients.remote.car import RemoteCar
+from wallride.clients.remote.driver import DriveRefusedError
+from wallride.runtime.calibration import proposals
+from wallride.runtime.calibration.proposals import Proposal
+from wallride.runtime.parameters.file import StoreError
+from wallride.runtime.settings.tree import SettingsError
+from wallride.runtime.wire.network import RefusedError
+from wallride.runtime.wire.teleop import Beat
 
 log = logging.getLogger("wallride.monitor")
 

@@ -19,12 +19,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from clients.monitor.messages import InputState
-from clients.teleop.advice import advise
-from clients.teleop.inputs import Control, Inputs
-from clients.teleop.pilot import DISTRUST, Pilot
-from clients.teleop.shaping import InputShape
-from runtime.wire.teleop import Beat, Command, Input, Press
+from wallride.clients.monitor.messages import InputState
+from wallride.clients.teleop.advice import advise
+from wallride.clients.teleop.inputs import Control, Inputs
+from wallride.clients.teleop.pilot import DISTRUST, Pilot
+from wallride.clients.teleop.shaping import InputShape
+from wallride.runtime.wire.teleop import Beat, Command, Input, Press
 
 SILENT_S = 0.15
 """Six messages of the page missing. The car learns it at the next tick, 0.02 s later at most, and by itself, from the

@@ -8,13 +8,13 @@ import time
 from collections.abc import Mapping
 from typing import Any, Protocol
 
-from clients.connection import another_car
-from clients.monitor.history import PlotHistory
-from clients.monitor.outbox import FROM_CAR
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.network import BYTES, RefusedError
-from runtime.wire.teleop import Beat, Command, Malformed, read_beat
+from wallride.clients.connection import another_car
+from wallride.clients.monitor.history import PlotHistory
+from wallride.clients.monitor.outbox import FROM_CAR
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import BYTES, RefusedError
+from wallride.runtime.wire.teleop import Beat, Command, Malformed, read_beat
 
 log = logging.getLogger("wallride.monitor")
 

@@ -6,8 +6,8 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-from runtime.wire import topics
-from runtime.wire.teleop import session_text
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.teleop import session_text
 
 MAX_HISTORY_S = 300.0
 MAX_CARS = 32

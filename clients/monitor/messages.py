@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, TypeAdapter, ValidationError
 
-from clients.teleop.inputs import Control
+from wallride.clients.teleop.inputs import Control
 
 LONGEST = 8192
 QUESTIONS = ("param/list", "param/get", "param/set", "param/save", "param/history", "record", "simulator")

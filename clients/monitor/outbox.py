@@ -10,7 +10,7 @@ import math
 import struct
 from collections.abc import Mapping
 
-from runtime.wire import topics
+from wallride.runtime.wire import topics
 
 PILOT, MONITOR, FLEET, CALIBRATION = "pilot", "monitor", "fleet", "calibration"
 """Topics of the monitor itself, in JSON: the state of the page's driver, that of the relay, all cars, and the page's

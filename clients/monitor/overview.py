@@ -10,14 +10,14 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, Never
 
-from clients.fleet.cars import OLD_S, FleetView, Row, guarded
-from clients.fleet.links import FleetLink
-from clients.fleet.race import RaceControl
-from clients.fleet.stop import PERIOD_S, FleetStop
-from clients.status import headline
-from clients.teleop.link_probe import WITHIN_S, LinkProbe
-from runtime.ending import end
-from runtime.wire import topics
+from wallride.clients.fleet.cars import OLD_S, FleetView, Row, guarded
+from wallride.clients.fleet.links import FleetLink
+from wallride.clients.fleet.race import RaceControl
+from wallride.clients.fleet.stop import PERIOD_S, FleetStop
+from wallride.clients.status import headline
+from wallride.clients.teleop.link_probe import WITHIN_S, LinkProbe
+from wallride.runtime.ending import end
+from wallride.runtime.wire import topics
 
 STOPPING_S = 10.0
 """Time for which the e-stop is repeated to a car that does not confirm it, and to one that comes back meanwhile."""

@@ -9,12 +9,12 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable
 
-from clients.calibration.link import LetGoError
-from clients.monitor.driving import REMEMBERED_BEATS, SILENT_S
-from clients.monitor.messages import InputState
-from clients.teleop.inputs import Control
-from clients.teleop.pilot import LINK_LOST_S
-from runtime.wire.teleop import Beat
+from wallride.clients.calibration.link import LetGoError
+from wallride.clients.monitor.driving import REMEMBERED_BEATS, SILENT_S
+from wallride.clients.monitor.messages import InputState
+from wallride.clients.teleop.inputs import Control
+from wallride.clients.teleop.pilot import LINK_LOST_S
+from wallride.runtime.wire.teleop import Beat
 
 PERIOD_S = 0.02
 MANUAL = frozenset({Control.MANUAL})

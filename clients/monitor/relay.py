@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from clients.connection import Cars
-from clients.fleet.links import FleetLink, open_link
-from clients.monitor.feed import PageFeed, Watcher
-from clients.monitor.history import CarHistories
-from runtime.ending import end
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.network import RefusedError
+from wallride.clients.connection import Cars
+from wallride.clients.fleet.links import FleetLink, open_link
+from wallride.clients.monitor.feed import PageFeed, Watcher
+from wallride.clients.monitor.history import CarHistories
+from wallride.runtime.ending import end
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import RefusedError
 
 log = logging.getLogger("wallride.monitor")
 

@@ -12,20 +12,20 @@ from pathlib import Path
 
 from aiohttp import web
 
-from clients.connection import endpoint_configs
-from clients.door.auth import DoorAuth, door_auth, is_loopback
-from clients.door.door import HEADERS, Door
-from clients.door.listening import listening
-from clients.door.token_file import login_token
-from clients.ending import interrupted
-from clients.monitor import assets
-from clients.monitor.handover import handed_over
-from clients.monitor.messages import LONGEST
-from clients.monitor.qr import qr_lines
-from clients.monitor.relay import CarEndpoint, Relay
-from clients.monitor.session import Host, PageSession
-from clients.teleop.shaping import InputShape
-from runtime.ending import end
+from wallride.clients.connection import endpoint_configs
+from wallride.clients.door.auth import DoorAuth, door_auth, is_loopback
+from wallride.clients.door.door import HEADERS, Door
+from wallride.clients.door.listening import listening
+from wallride.clients.door.token_file import login_token
+from wallride.clients.ending import interrupted
+from wallride.clients.monitor import assets
+from wallride.clients.monitor.handover import handed_over
+from wallride.clients.monitor.messages import LONGEST
+from wallride.clients.monitor.qr import qr_lines
+from wallride.clients.monitor.relay import CarEndpoint, Relay
+from wallride.clients.monitor.session import Host, PageSession
+from wallride.clients.teleop.shaping import InputShape
+from wallride.runtime.ending import end
 
 log = logging.getLogger("wallride.monitor")
 

@@ -11,12 +11,12 @@ from typing import Any
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from clients.door.connections import shortened
-from clients.monitor import messages
-from clients.monitor.calibration import PageCalibrator
-from clients.monitor.driving import PageDriver
-from clients.monitor.feed import PageFeed
-from clients.monitor.messages import (
+from wallride.clients.door.connections import shortened
+from wallride.clients.monitor import messages
+from wallride.clients.monitor.calibration import PageCalibrator
+from wallride.clients.monitor.driving import PageDriver
+from wallride.clients.monitor.feed import PageFeed
+from wallride.clients.monitor.messages import (
     Ack,
     Ask,
     BadMessageError,
@@ -32,16 +32,16 @@ from clients.monitor.messages import (
     StopMessage,
     Watch,
 )
-from clients.monitor.outbox import CALIBRATION, FLEET, MONITOR, PILOT, TOPICS, Outbox, pack
-from clients.monitor.overview import CarsOverview
-from clients.monitor.relay import Relay
-from clients.remote.car import connect
-from clients.teleop.shaping import InputShape
-from runtime.ending import end
-from runtime.host.rate_limited_log import RateLimitedLog
-from runtime.wire import topics
-from runtime.wire.network import RefusedError
-from runtime.wire.teleop import Beat, Command
+from wallride.clients.monitor.outbox import CALIBRATION, FLEET, MONITOR, PILOT, TOPICS, Outbox, pack
+from wallride.clients.monitor.overview import CarsOverview
+from wallride.clients.monitor.relay import Relay
+from wallride.clients.remote.car import connect
+from wallride.clients.teleop.shaping import InputShape
+from wallride.runtime.ending import end
+from wallride.runtime.host.rate_limited_log import RateLimitedLog
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.network import RefusedError
+from wallride.runtime.wire.teleop import Beat, Command
 
 log = logging.getLogger("wallride.monitor")
 

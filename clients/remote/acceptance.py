@@ -8,7 +8,7 @@ planner.
 from collections.abc import Mapping
 from typing import Any, Final
 
-from runtime.teleop.rejections import Refusal
+from wallride.runtime.teleop.rejections import Refusal
 
 ACCEPTED_WITHIN_S: Final = 0.5
 """Time from the first command to a status that must show it accepted."""

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from clients.connection import (
+from wallride.clients.connection import (
     CONNECT_VARIABLE,
     ConnectionProblemError,
     check_session,
@@ -21,17 +21,17 @@ from clients.connection import (
     open_bus,
     with_one_endpoint,
 )
-from clients.parameters import ask
-from clients.remote.driver import RemoteDriver, checked_hand
-from clients.remote.loop_thread import CLOSED, LoopThread
-from clients.remote.parameters import RemoteParameters
-from clients.remote.planner import RemotePlanner
-from clients.remote.stream import Stream
-from clients.remote.values import value_of
-from clients.topics import KINDS
-from runtime.recording import requests
-from runtime.wire import topics
-from runtime.wire.bus import Bus
+from wallride.clients.parameters import ask
+from wallride.clients.remote.driver import RemoteDriver, checked_hand
+from wallride.clients.remote.loop_thread import CLOSED, LoopThread
+from wallride.clients.remote.parameters import RemoteParameters
+from wallride.clients.remote.planner import RemotePlanner
+from wallride.clients.remote.stream import Stream
+from wallride.clients.remote.values import value_of
+from wallride.clients.topics import KINDS
+from wallride.runtime.recording import requests
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
 
 DEFAULT_AT: Final = "tcp/127.0.0.1:7447"
 BUFFER: Final = 1000

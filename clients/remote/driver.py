@@ -8,15 +8,15 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from typing import Final
 
-from clients.connection import ConnectionProblemError
-from clients.remote.hand import UNHEEDED, ScriptedHand
-from clients.remote.loop_thread import LoopThread
-from clients.remote.source_block import PERIOD_S, READY_WITHIN_S, SourceBlock
-from clients.teleop.pilot import MINDED_S, Pilot, PilotState
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.network import BYTES
-from runtime.wire.teleop import CarCondition, Input, Malformed, read_beat
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.remote.hand import UNHEEDED, ScriptedHand
+from wallride.clients.remote.loop_thread import LoopThread
+from wallride.clients.remote.source_block import PERIOD_S, READY_WITHIN_S, SourceBlock
+from wallride.clients.teleop.pilot import MINDED_S, Pilot, PilotState
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import BYTES
+from wallride.runtime.wire.teleop import CarCondition, Input, Malformed, read_beat
 
 LATCHED_WITHIN_S: Final = 1.0
 """Time for which a block that pressed the e-stop insists on it at its end."""

@@ -8,10 +8,10 @@ moves the car again: it has to begin anew.
 import math
 from typing import Final
 
-from clients.teleop.inputs import Control, Inputs
-from clients.teleop.pilot import DeadmanFault, PilotState
-from clients.teleop.shaping import InputShape
-from runtime.wire.teleop import Input, Press
+from wallride.clients.teleop.inputs import Control, Inputs
+from wallride.clients.teleop.pilot import DeadmanFault, PilotState
+from wallride.clients.teleop.shaping import InputShape
+from wallride.runtime.wire.teleop import Input, Press
 
 HOLD_S: Final = 0.2
 """Duration for which one `send` holds."""

@@ -8,9 +8,9 @@ from collections.abc import Coroutine
 from typing import Any, Final, TypeVar
 from weakref import WeakSet
 
-from clients.connection import ConnectionProblemError
-from runtime.ending import end
-from runtime.wire.bus import Bus
+from wallride.clients.connection import ConnectionProblemError
+from wallride.runtime.ending import end
+from wallride.runtime.wire.bus import Bus
 
 T = TypeVar("T")
 CLOSED: Final = "this connection was closed; connect again"

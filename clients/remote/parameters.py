@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
-from clients.parameters import MAX_NAME_LENGTH
+from wallride.clients.parameters import MAX_NAME_LENGTH
 
 Ask = Callable[..., Mapping[str, Any]]
 

@@ -7,15 +7,15 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from typing import Final
 
-from clients.remote.acceptance import Acceptance
-from clients.remote.hand import ScriptedHand
-from clients.remote.loop_thread import LoopThread
-from clients.remote.source_block import READY_WITHIN_S, SourceBlock
-from clients.teleop.inputs import Inputs
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.network import BYTES
-from runtime.wire.teleop import Beat, Command, Input, Malformed, Press, read_beat
+from wallride.clients.remote.acceptance import Acceptance
+from wallride.clients.remote.hand import ScriptedHand
+from wallride.clients.remote.loop_thread import LoopThread
+from wallride.clients.remote.source_block import READY_WITHIN_S, SourceBlock
+from wallride.clients.teleop.inputs import Inputs
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import BYTES
+from wallride.runtime.wire.teleop import Beat, Command, Input, Malformed, Press, read_beat
 
 NO_STATUS: Final = "its status, which lists its planners, does not come: is telemetry.rates_hz.status 0?"
 

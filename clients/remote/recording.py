@@ -8,11 +8,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
-from clients.connection import ConnectionProblemError
-from clients.remote.values import NS, Value, value_of
-from clients.topics import KINDS
-from runtime.recording.channels import SETTINGS, STRING, text_of
-from runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.remote.values import NS, Value, value_of
+from wallride.clients.topics import KINDS
+from wallride.runtime.recording.channels import SETTINGS, STRING, text_of
+from wallride.runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError
 
 T = TypeVar("T")
 

@@ -7,10 +7,10 @@ from collections.abc import Awaitable, Callable
 from types import TracebackType
 from typing import Final, Self
 
-from clients.remote.hand import ScriptedHand
-from clients.remote.loop_thread import LoopThread
-from runtime.ending import end
-from runtime.wire.bus import Bus
+from wallride.clients.remote.hand import ScriptedHand
+from wallride.clients.remote.loop_thread import LoopThread
+from wallride.runtime.ending import end
+from wallride.runtime.wire.bus import Bus
 
 PERIOD_S: Final = 0.02
 READY_WITHIN_S: Final = 3.0

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Generic, TypeVar
 
-from clients.connection import ConnectionProblemError
+from wallride.clients.connection import ConnectionProblemError
 
 T = TypeVar("T")
 Raw = tuple[str, bytes, float]

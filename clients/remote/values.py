@@ -11,9 +11,9 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from clients.decoding import UnreadableError, decode, message_of
-from runtime.ros.definitions import TYPES
-from runtime.wire import topics
+from wallride.clients.decoding import UnreadableError, decode, message_of
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.wire import topics
 
 NS: Final = 1_000_000_000
 Floats = npt.NDArray[np.float32] | npt.NDArray[np.float64]

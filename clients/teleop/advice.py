@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-from clients.teleop.inputs import BUTTONS, Control
-from clients.teleop.pilot import LINK_LOST_S, MINDED_S, PERMIT_SILENT_S, DeadmanFault, PilotState
-from runtime.wire.teleop import CarCondition, Input, Press
+from wallride.clients.teleop.inputs import BUTTONS, Control
+from wallride.clients.teleop.pilot import LINK_LOST_S, MINDED_S, PERMIT_SILENT_S, DeadmanFault, PilotState
+from wallride.runtime.wire.teleop import CarCondition, Input, Press
 
 PAD_NAMES: Mapping[Control, str] = {
     Control.MANUAL: "LB",

@@ -9,17 +9,17 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import ExitStack
 from typing import Protocol
 
-from clients.connection import ConnectionProblemError, another_car, connected
-from clients.ending import stopping
-from clients.teleop import gamepad, pad_files, terminal
-from clients.teleop.advice import advise
-from clients.teleop.link_probe import WITHIN_S, LinkProbe
-from clients.teleop.pads import usb_id
-from clients.teleop.pilot import DeadmanFault, Pilot
-from clients.teleop.screen import CarState, Screen, lines
-from clients.teleop.script import ScriptError, load
-from clients.teleop.shaping import InputShape
-from clients.teleop.sources import (
+from wallride.clients.connection import ConnectionProblemError, another_car, connected
+from wallride.clients.ending import stopping
+from wallride.clients.teleop import gamepad, pad_files, terminal
+from wallride.clients.teleop.advice import advise
+from wallride.clients.teleop.link_probe import WITHIN_S, LinkProbe
+from wallride.clients.teleop.pads import usb_id
+from wallride.clients.teleop.pilot import DeadmanFault, Pilot
+from wallride.clients.teleop.screen import CarState, Screen, lines
+from wallride.clients.teleop.script import ScriptError, load
+from wallride.clients.teleop.shaping import InputShape
+from wallride.clients.teleop.sources import (
     InputSource,
     KeySource,
     PadOrKeySource,
@@ -28,11 +28,11 @@ from clients.teleop.sources import (
     StopKeySource,
     WindowSource,
 )
-from clients.teleop.wizard import Wizard
-from runtime.ending import end
-from runtime.wire import topics
-from runtime.wire.network import BYTES
-from runtime.wire.teleop import Input, Malformed, read_beat
+from wallride.clients.teleop.wizard import Wizard
+from wallride.runtime.ending import end
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.network import BYTES
+from wallride.runtime.wire.teleop import Input, Malformed, read_beat
 
 PERIOD_S = 0.02
 CYCLES_PER_DRAWING = 3

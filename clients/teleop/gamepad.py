@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from clients.teleop.keyboard import Act, Key, KeyEvent, Quit, TerminalFocus
-from clients.teleop.pads import Axis, Button, Event, Hat
+from wallride.clients.teleop.keyboard import Act, Key, KeyEvent, Quit, TerminalFocus
+from wallride.clients.teleop.pads import Axis, Button, Event, Hat
 
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
 os.environ.setdefault("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")  # the deadman is in a hand, not in a window's focus

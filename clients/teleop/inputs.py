@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from runtime.wire.teleop import Input
+from wallride.runtime.wire.teleop import Input
 
 CENTRED = 0.2
 """Maximum deflection of a stick that counts as released (half range = 1)."""

@@ -6,7 +6,7 @@ kitty's protocol (sw.kovidgoyal.net/kitty/keyboard-protocol): CSI code ; modifie
 
 import re
 
-from clients.teleop.keyboard import Act, Key, KeyEvent, Quit, TerminalAnswer, TerminalFocus
+from wallride.clients.teleop.keyboard import Act, Key, KeyEvent, Quit, TerminalAnswer, TerminalFocus
 
 ASK = b"\x1b[?u"
 """The terminal answers with its flags, if it knows the protocol."""

@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from clients.teleop.inputs import Control, Inputs
-from runtime.wire.teleop import Input
+from wallride.clients.teleop.inputs import Control, Inputs
+from wallride.runtime.wire.teleop import Input
 
 REPEAT_GAP_S = 0.15
 """Maximum gap between repeats; the slowest usual rate is 11 a second."""

@@ -11,8 +11,8 @@ import time
 from collections.abc import Awaitable, Callable
 from typing import Any, Final, Never
 
-from runtime.wire import topics
-from runtime.wire.network import RefusedError
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.network import RefusedError
 
 EVERY_S: Final = 0.5
 WITHIN_S: Final = 3.0

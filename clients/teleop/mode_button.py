@@ -4,7 +4,7 @@ The wire carries no state of it, so it is inferred from the events: a D-pad that
 stick that reports only its ends.
 """
 
-from clients.teleop.pads import Axis, Event, Hat
+from wallride.clients.teleop.pads import Axis, Event, Hat
 
 FAMILY = frozenset({"046d:c21f", "046d:c219", "046d:c21d", "046d:c216", "046d:c21e", "046d:c218"})
 """F710, F310 and F510, each in X and in D mode."""

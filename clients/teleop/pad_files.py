@@ -5,8 +5,8 @@ import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
-from clients.teleop.inputs import Control
-from clients.teleop.pads import Binding, Layout, LayoutError, layout
+from wallride.clients.teleop.inputs import Control
+from wallride.clients.teleop.pads import Binding, Layout, LayoutError, layout
 
 
 def folder() -> Path:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from clients.teleop.inputs import CENTRED, STICKS, Control
+from wallride.clients.teleop.inputs import CENTRED, STICKS, Control
 
 PRESSED = 0.5
 """Threshold of an axis that stands for a button (a trigger)."""

@@ -16,10 +16,10 @@ from collections import OrderedDict
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from clients.teleop.hold import Hold
-from clients.teleop.inputs import Control, Inputs
-from clients.teleop.shaping import InputShape, Shaper
-from runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, CarCondition, Command, Input, Press
+from wallride.clients.teleop.hold import Hold
+from wallride.clients.teleop.inputs import Control, Inputs
+from wallride.clients.teleop.shaping import InputShape, Shaper
+from wallride.runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, CarCondition, Command, Input, Press
 
 LINK_LOST_S = 0.2
 """Timeout of the link, ten beats. The screen is drawn every 0.05 s, so that a lost link is seen within 0.3 s."""

@@ -10,15 +10,15 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from clients.status import overruled_words
-from clients.teleop.advice import Advice
-from clients.teleop.inputs import Control
-from clients.teleop.pilot import PilotState
-from runtime.arbitration.command import NO_WINNER
-from runtime.host.terminal_text import one_line
-from runtime.telemetry.screen_words import because, steering_words
-from runtime.wire import topics
-from runtime.wire.teleop import CarCondition
+from wallride.clients.status import overruled_words
+from wallride.clients.teleop.advice import Advice
+from wallride.clients.teleop.inputs import Control
+from wallride.clients.teleop.pilot import PilotState
+from wallride.runtime.arbitration.command import NO_WINNER
+from wallride.runtime.host.terminal_text import one_line
+from wallride.runtime.telemetry.screen_words import because, steering_words
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.teleop import CarCondition
 
 
 @dataclass(slots=True)

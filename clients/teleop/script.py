@@ -23,8 +23,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from clients.teleop.inputs import BUTTONS, Control, Inputs
-from runtime.wire.teleop import Input
+from wallride.clients.teleop.inputs import BUTTONS, Control, Inputs
+from wallride.runtime.wire.teleop import Input
 
 ALIASES = {
     "lb": Control.MANUAL,

@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from clients.teleop import gamepad
-from clients.teleop.advice import PAD_NAMES
-from clients.teleop.inputs import BUTTONS, Control, Inputs
-from clients.teleop.keyboard import (
+from wallride.clients.teleop import gamepad
+from wallride.clients.teleop.advice import PAD_NAMES
+from wallride.clients.teleop.inputs import BUTTONS, Control, Inputs
+from wallride.clients.teleop.keyboard import (
     BUTTON_KEYS,
     HELD_NAMES,
     REPEATED_NAMES,
@@ -17,10 +17,10 @@ from clients.teleop.keyboard import (
     Quit,
     RepeatedKeys,
 )
-from clients.teleop.mode_button import FAMILY, ModeWatch
-from clients.teleop.pads import Layout, LayoutError, PadState, choose, usb_id
-from clients.teleop.script import Script
-from runtime.wire.teleop import Input
+from wallride.clients.teleop.mode_button import FAMILY, ModeWatch
+from wallride.clients.teleop.pads import Layout, LayoutError, PadState, choose, usb_id
+from wallride.clients.teleop.script import Script
+from wallride.runtime.wire.teleop import Input
 
 KEY_STOP_S = 0.2
 """Duration for which a typed Space counts as the e-stop button held; the pilot repeats it until the car confirms."""

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
-from clients.teleop import key_bytes
-from clients.teleop.key_bytes import KeyBytes
-from clients.teleop.keyboard import KeyEvent, Quit, TerminalAnswer
+from wallride.clients.teleop import key_bytes
+from wallride.clients.teleop.key_bytes import KeyBytes
+from wallride.clients.teleop.keyboard import KeyEvent, Quit, TerminalAnswer
 
 ANSWER_TIMEOUT_S = 0.3
 ASK_PERIOD_S = 0.2

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from clients.teleop import pad_files
-from clients.teleop.inputs import CENTRED, STICKS, Control
-from clients.teleop.pads import Axis, Binding, Button, Event, Hat, PadState
+from wallride.clients.teleop import pad_files
+from wallride.clients.teleop.inputs import CENTRED, STICKS, Control
+from wallride.clients.teleop.pads import Axis, Binding, Button, Event, Hat, PadState
 
 FAR = 0.7
 QUESTIONS: Sequence[tuple[Control, str]] = (

@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import wallride
-from clients.remote.car import RemoteCar
+from wallride.clients.remote.car import RemoteCar
 
 
 @dataclass

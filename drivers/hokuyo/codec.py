@@ -13,8 +13,8 @@ from typing import Final
 
 import numpy as np
 
-from drivers.accelerated import accelerated
-from drivers.value import value
+from wallride.drivers.accelerated import accelerated
+from wallride.drivers.value import value
 
 BLOCK_LIMIT_BYTES: Final = 8192
 """Maximum length of a block: a full scan with intensities is 6.7 kB. Without a blank line for longer than this, the

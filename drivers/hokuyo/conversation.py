@@ -7,11 +7,11 @@ from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
-from drivers.api import LinkLost, ProtocolError
-from drivers.hokuyo.codec import ReplyBlock, ScipDeframer, command
-from drivers.hokuyo.replies import SensorParameters, decode_number, fields, is_healthy
-from drivers.hokuyo.timing import ClockReading
-from drivers.link import ByteLink
+from wallride.drivers.api import LinkLost, ProtocolError
+from wallride.drivers.hokuyo.codec import ReplyBlock, ScipDeframer, command
+from wallride.drivers.hokuyo.replies import SensorParameters, decode_number, fields, is_healthy
+from wallride.drivers.hokuyo.timing import ClockReading
+from wallride.drivers.link import ByteLink
 
 T = TypeVar("T")
 

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Final, Never
 
-from drivers.address import Address, SerialAddress, parse_address
-from drivers.api import (
+from wallride.drivers.address import Address, SerialAddress, parse_address
+from wallride.drivers.api import (
     Clock,
     DriverError,
     Health,
@@ -21,12 +21,12 @@ from drivers.api import (
     Scan,
     as_wanted,
 )
-from drivers.hokuyo.codec import command
-from drivers.hokuyo.conversation import Conversation, SensorIdentity, identify, quieten, read_clock, until_lost
-from drivers.hokuyo.settings import HokuyoSettings
-from drivers.hokuyo.stream import UNSTABLE_WARN, ScanStream, Sequence
-from drivers.hokuyo.timing import ClockReading, StampGate
-from drivers.link import Tap, open_link
+from wallride.drivers.hokuyo.codec import command
+from wallride.drivers.hokuyo.conversation import Conversation, SensorIdentity, identify, quieten, read_clock, until_lost
+from wallride.drivers.hokuyo.settings import HokuyoSettings
+from wallride.drivers.hokuyo.stream import UNSTABLE_WARN, ScanStream, Sequence
+from wallride.drivers.hokuyo.timing import ClockReading, StampGate
+from wallride.drivers.link import Tap, open_link
 
 _log = logging.getLogger(__name__)
 
@@ -49,7 +49,7 @@ _FAREWELL_TIMEOUT_S: Final = 0.2
 
 
 class Hokuyo:
-    """A `Lidar` (see drivers.api) with SCIP 2.x at a TCP or serial address.
+    """A `Lidar` (see wallride.drivers.api) with SCIP 2.x at a TCP or serial address.
 
     clear_s: moves the checks of the stream to a better moment.
     """
@@ -85,7 +85,7 @@ class Hokuyo:
         return self._talk.link.reading_s if self._talk is not None else 0.0
 
     async def run(self, on_scan: Callable[[Scan], None]) -> Never:
-        """Deliver scans without end; see drivers.api.Lidar. Raises only for a bug, or an error of `on_scan`."""
+        """Deliver scans without end; see `Lidar` in wallride.drivers.api. Raises only for a bug, or by `on_scan`."""
         while True:
             try:
                 await self._serve(on_scan)

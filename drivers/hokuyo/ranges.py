@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from drivers.accelerated import accelerated
+from wallride.drivers.accelerated import accelerated
 
 _ZERO: Final = np.uint8(0x30)
 _DIGITS: Final = bytes(range(0x30, 0x70))

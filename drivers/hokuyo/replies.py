@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final, Self
 
-from drivers.api import ProtocolError, printable
-from drivers.hokuyo.codec import ReplyBlock
+from wallride.drivers.api import ProtocolError, printable
+from wallride.drivers.hokuyo.codec import ReplyBlock
 
 MAX_RANGE_MM: Final = 262143
 """Maximum value of three characters."""

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from drivers.address import parse_address
+from wallride.drivers.address import parse_address
 
 
 class HokuyoSettings(BaseModel):

@@ -5,13 +5,13 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from drivers.api import Health, LinkLost, LinkState, ProtocolError, Scan
-from drivers.hokuyo.codec import BLOCK_LIMIT_BYTES, ReplyBlock, stream_command
-from drivers.hokuyo.conversation import Conversation, SensorIdentity
-from drivers.hokuyo.ranges import RangeDecoder
-from drivers.hokuyo.replies import StreamStatus, decode_number, judge
-from drivers.hokuyo.settings import HokuyoSettings
-from drivers.hokuyo.timing import StampGate
+from wallride.drivers.api import Health, LinkLost, LinkState, ProtocolError, Scan
+from wallride.drivers.hokuyo.codec import BLOCK_LIMIT_BYTES, ReplyBlock, stream_command
+from wallride.drivers.hokuyo.conversation import Conversation, SensorIdentity
+from wallride.drivers.hokuyo.ranges import RangeDecoder
+from wallride.drivers.hokuyo.replies import StreamStatus, decode_number, judge
+from wallride.drivers.hokuyo.settings import HokuyoSettings
+from wallride.drivers.hokuyo.timing import StampGate
 
 START_TIMEOUT_S: Final = 1.0
 UNSTABLE_WARN: Final = 5

@@ -7,8 +7,8 @@ changed only where its layout is known to the last byte: signature and length.
 import struct
 from typing import Final
 
-from drivers.value import value
-from drivers.vesc.app_layouts import LAYOUTS, AppLayout
+from wallride.drivers.value import value
+from wallride.drivers.vesc.app_layouts import LAYOUTS, AppLayout
 
 APP_NONE: Final = 0
 APPS: Final = {

@@ -2,8 +2,8 @@
 
 import math
 
-from drivers.vesc import codec
-from drivers.vesc.settings import VescSettings
+from wallride.drivers.vesc import codec
+from wallride.drivers.vesc.settings import VescSettings
 
 _STEPS_PER_ERPM_MINUTE = 6
 _SECONDS_PER_MINUTE = 60

@@ -3,12 +3,12 @@
 import math
 from dataclasses import replace
 
-from drivers.api import Health, MotorState
-from drivers.vesc.calibration import Calibration
-from drivers.vesc.cross_check import CrossCheck
-from drivers.vesc.faults import fault_text
-from drivers.vesc.replies import STATUS_KILLED, STATUS_TIMED_OUT, Values
-from drivers.vesc.tachometer import Tachometer
+from wallride.drivers.api import Health, MotorState
+from wallride.drivers.vesc.calibration import Calibration
+from wallride.drivers.vesc.cross_check import CrossCheck
+from wallride.drivers.vesc.faults import fault_text
+from wallride.drivers.vesc.replies import STATUS_KILLED, STATUS_TIMED_OUT, Values
+from wallride.drivers.vesc.tachometer import Tachometer
 
 LOW_VOLTAGE_S = 1.0
 """Minimum duration of a low voltage: a shorter dip is the motor accelerating; the VESC itself faults where it becomes

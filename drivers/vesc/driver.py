@@ -10,8 +10,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Never
 
-from drivers.address import parse_address
-from drivers.api import (
+from wallride.drivers.address import parse_address
+from wallride.drivers.api import (
     Clock,
     Drive,
     Health,
@@ -22,12 +22,12 @@ from drivers.api import (
     Reschedule,
     as_wanted,
 )
-from drivers.link import ByteLink, Tap, open_link
-from drivers.vesc import codec, replies
-from drivers.vesc.calibration import Calibration
-from drivers.vesc.condition import VescMonitor
-from drivers.vesc.inertia import Inertia
-from drivers.vesc.settings import VescSettings
+from wallride.drivers.link import ByteLink, Tap, open_link
+from wallride.drivers.vesc import codec, replies
+from wallride.drivers.vesc.calibration import Calibration
+from wallride.drivers.vesc.condition import VescMonitor
+from wallride.drivers.vesc.inertia import Inertia
+from wallride.drivers.vesc.settings import VescSettings
 
 IDENTIFY_PERIOD_S = 0.15
 IDENTIFY_TIMEOUT_S = 5.0
@@ -50,7 +50,7 @@ _SLACK_SHARE = 0.4
 
 
 class Vesc:
-    """A VESC on a serial port; implements `drivers.api.Motor`.
+    """A VESC on a serial port; implements `wallride.drivers.api.Motor`.
 
     The VESC stops obeying by itself when no motor command came for its command timeout (1 s as shipped, after which it
     lets the car *coast*). Only motor commands feed that timeout: the polling here does not, this driver sends no

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 
-from drivers.vesc import codec, replies
+from wallride.drivers.vesc import codec, replies
 
 Vector = tuple[float, float, float]
 

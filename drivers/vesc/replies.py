@@ -10,8 +10,8 @@ import struct
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from drivers.api import printable
-from drivers.value import value
+from wallride.drivers.api import printable
+from wallride.drivers.value import value
 
 STATUS_TIMED_OUT = 1
 STATUS_KILLED = 2

@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from drivers.address import TcpAddress, parse_address
+from wallride.drivers.address import TcpAddress, parse_address
 
 LOOPBACK = frozenset({"127.0.0.1", "::1"})
 MISSED_POLLS_MIN = 3

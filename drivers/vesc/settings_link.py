@@ -7,11 +7,11 @@ import asyncio
 import time
 from typing import Final, Self
 
-from drivers.address import Address
-from drivers.api import LinkLost, printable
-from drivers.link import ByteLink, open_link
-from drivers.vesc import codec, replies
-from drivers.vesc.codec import Packet
+from wallride.drivers.address import Address
+from wallride.drivers.api import LinkLost, printable
+from wallride.drivers.link import ByteLink, open_link
+from wallride.drivers.vesc import codec, replies
+from wallride.drivers.vesc.codec import Packet
 
 ANSWER_S: Final = 1.0
 ASKED_TIMES: Final = 3

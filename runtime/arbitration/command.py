@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from enum import StrEnum
 from typing import Protocol
 
-from drivers.api import Drive
-from drivers.value import value
+from wallride.drivers.api import Drive
+from wallride.drivers.value import value
 
 NO_LIMIT_MPS = math.inf
 NO_WINNER = "nobody"

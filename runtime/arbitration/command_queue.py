@@ -3,9 +3,9 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 
-from drivers.api import Clock
-from runtime.arbitration.command import QueueEntry, Source
-from runtime.arbitration.queues import NEVER_S, PriorityQueue
+from wallride.drivers.api import Clock
+from wallride.runtime.arbitration.command import QueueEntry, Source
+from wallride.runtime.arbitration.queues import NEVER_S, PriorityQueue
 
 
 class CommandQueue:

@@ -10,11 +10,11 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
 
-from drivers.api import Clock, Lidar, LinkState, Motor
-from drivers.value import value
-from runtime.arbitration.command import Output, Source
-from runtime.arbitration.emergency_stop import Cause, EmergencyStop
-from runtime.arbitration.permit import Permit
+from wallride.drivers.api import Clock, Lidar, LinkState, Motor
+from wallride.drivers.value import value
+from wallride.runtime.arbitration.command import Output, Source
+from wallride.runtime.arbitration.emergency_stop import Cause, EmergencyStop
+from wallride.runtime.arbitration.permit import Permit
 
 
 class DrivingState(StrEnum):

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from enum import StrEnum
 from types import MappingProxyType
 
-from runtime.arbitration.command import Source, refusal
-from runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.arbitration.command import Source, refusal
+from wallride.runtime.arbitration.command_queue import CommandQueue
 
 
 class Cause(StrEnum):

@@ -3,9 +3,9 @@
 import math
 from typing import Literal
 
-from runtime.arbitration.command import Source, consent, refusal
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.arbitration.queues import NEVER_S
+from wallride.runtime.arbitration.command import Source, consent, refusal
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.arbitration.queues import NEVER_S
 
 NOT_GRANTED = "no operator permits autonomy"
 NOT_REQUIRED = "permit not required"

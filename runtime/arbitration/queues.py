@@ -15,7 +15,7 @@ from collections.abc import Callable, Hashable
 from itertools import count
 from typing import Generic, TypeVar
 
-from drivers.api import Clock
+from wallride.drivers.api import Clock
 
 K = TypeVar("K", bound=Hashable)
 V = TypeVar("V")

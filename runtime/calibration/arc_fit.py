@@ -17,10 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.calibration.responses import Estimate, unidentified
-from runtime.calibration.scan_motion import Shift
-from runtime.calibration.stop_match import MeasuredShift
-from runtime.control.perception.geometry import Floats
+from wallride.runtime.calibration.responses import Estimate, unidentified
+from wallride.runtime.calibration.scan_motion import Shift
+from wallride.runtime.calibration.stop_match import MeasuredShift
+from wallride.runtime.control.perception.geometry import Floats
 
 NORMAL_90 = 1.645
 SLIP = 0.002

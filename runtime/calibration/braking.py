@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from runtime.calibration.delays import middle_of_sweep_s
-from runtime.calibration.responses import Estimate, unidentified
-from runtime.calibration.scan_motion import motion_of_scans
-from runtime.calibration.stop_match import MAX_RANGE_M
-from runtime.calibration.trace import Trace
-from runtime.control.perception.geometry import Booleans, Floats
+from wallride.runtime.calibration.delays import middle_of_sweep_s
+from wallride.runtime.calibration.responses import Estimate, unidentified
+from wallride.runtime.calibration.scan_motion import motion_of_scans
+from wallride.runtime.calibration.stop_match import MAX_RANGE_M
+from wallride.runtime.calibration.trace import Trace
+from wallride.runtime.control.perception.geometry import Booleans, Floats
 
 MIN_SPEED_MPS = 0.6
 STEADY_S = 0.3

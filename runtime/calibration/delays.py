@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.calibration.responses import (
+from wallride.runtime.calibration.responses import (
     CommandSteps,
     Estimate,
     ResponseFit,
@@ -15,10 +15,10 @@ from runtime.calibration.responses import (
     fit_response,
     unidentified,
 )
-from runtime.calibration.scan_motion import motion_of_scans
-from runtime.calibration.stop_match import MAX_RANGE_M
-from runtime.calibration.trace import Trace
-from runtime.control.perception.geometry import Booleans, Floats
+from wallride.runtime.calibration.scan_motion import motion_of_scans
+from wallride.runtime.calibration.stop_match import MAX_RANGE_M
+from wallride.runtime.calibration.trace import Trace
+from wallride.runtime.control.perception.geometry import Booleans, Floats
 
 MIN_SPEED_MPS = 0.25
 MAX_ANGLE_RAD = 0.6

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from itertools import pairwise
 
-from runtime.calibration.arc_fit import Arc, ArcFit, AssumedCar, fit_arcs
-from runtime.calibration.braking import fit_braking
-from runtime.calibration.delays import DelayFit, KnownMotion, fit_motor, fit_servo
-from runtime.calibration.near_parts import near_parts_m, seen_beams
-from runtime.calibration.responses import Estimate
-from runtime.calibration.stop_match import measure_shift
-from runtime.calibration.trace import MIN_WAY_M, Trace, find_stops, steering_between
-from runtime.control.perception.geometry import Booleans, Floats
+from wallride.runtime.calibration.arc_fit import Arc, ArcFit, AssumedCar, fit_arcs
+from wallride.runtime.calibration.braking import fit_braking
+from wallride.runtime.calibration.delays import DelayFit, KnownMotion, fit_motor, fit_servo
+from wallride.runtime.calibration.near_parts import near_parts_m, seen_beams
+from wallride.runtime.calibration.responses import Estimate
+from wallride.runtime.calibration.stop_match import measure_shift
+from wallride.runtime.calibration.trace import MIN_WAY_M, Trace, find_stops, steering_between
+from wallride.runtime.control.perception.geometry import Booleans, Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from runtime.calibration.scan_motion import Kind
-from runtime.control.perception.geometry import Booleans, Floats, bearings_rad
+from wallride.runtime.calibration.scan_motion import Kind
+from wallride.runtime.control.perception.geometry import Booleans, Floats, bearings_rad
 
 BEHIND_DEG, WITHIN_M = 90.0, 0.8
 MAX_STD_M, MIN_SHARE = 0.05, 0.25

@@ -3,10 +3,10 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from runtime.calibration.arc_fit import ArcFit
-from runtime.calibration.delays import DelayFit
-from runtime.calibration.responses import Estimate
-from runtime.control.safety.stopping import GRAVITY_MPS2
+from wallride.runtime.calibration.arc_fit import ArcFit
+from wallride.runtime.calibration.delays import DelayFit
+from wallride.runtime.calibration.responses import Estimate
+from wallride.runtime.control.safety.stopping import GRAVITY_MPS2
 
 SPEED_GAIN, WHEELBASE = "motor.speed_to_erpm_gain", "car.wheelbase_m"
 SERVO_GAIN, SERVO_OFFSET = "motor.steering_to_servo_gain", "motor.steering_to_servo_offset"

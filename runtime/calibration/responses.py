@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from runtime.control.perception.geometry import Floats
+from wallride.runtime.control.perception.geometry import Floats
 
 GRID_S = 0.0025
 BLOCK_S = 1.0

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from runtime.control.perception.geometry import Booleans, Floats, directions
+from wallride.runtime.control.perception.geometry import Booleans, Floats, directions
 
 KEY_EVERY_M, KEY_EVERY_RAD = 0.2, 0.15
 HOLE_S = 0.5

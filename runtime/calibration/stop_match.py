@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.calibration.scan_motion import Kind, ReferenceScan, Shift, lay_over, motion_of_scans
-from runtime.calibration.trace import Stop, Trace
-from runtime.control.perception.geometry import Booleans, Floats, directions
+from wallride.runtime.calibration.scan_motion import Kind, ReferenceScan, Shift, lay_over, motion_of_scans
+from wallride.runtime.calibration.trace import Stop, Trace
+from wallride.runtime.control.perception.geometry import Booleans, Floats, directions
 
 REACH = 8
 """Number of beams on each side of a surface's middle beam."""

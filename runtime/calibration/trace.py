@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from runtime.calibration.scan_motion import Kind
-from runtime.control.perception.geometry import Booleans, Floats, bearings_rad
+from wallride.runtime.calibration.scan_motion import Kind
+from wallride.runtime.control.perception.geometry import Booleans, Floats, bearings_rad
 
 STANDS_BELOW_MPS = 0.01
 SETTLED_S = 0.3

@@ -3,9 +3,9 @@
 import math
 from typing import Protocol
 
-from drivers.api import Drive, MotorState, Scan
-from drivers.value import value
-from runtime.arbitration.command import SafetyAssessment, Verdict
+from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.drivers.value import value
+from wallride.runtime.arbitration.command import SafetyAssessment, Verdict
 
 __all__ = ["Follower", "Guard", "Guidance", "SafetyAssessment", "Verdict"]
 

@@ -4,29 +4,29 @@ The state of the laws (the steering's offset, the dirt on the window, an active 
 kept; only another method begins anew. Each law computes a scan wholly with the old or wholly with the new values.
 """
 
-from drivers.api import Clock, MotorState, Scan
-from runtime.arbitration.command import SafetyAssessment, Verdict
-from runtime.control import methods
-from runtime.control.guidance import Follower, Guidance
-from runtime.control.method_settings import (
+from wallride.drivers.api import Clock, MotorState, Scan
+from wallride.runtime.arbitration.command import SafetyAssessment, Verdict
+from wallride.runtime.control import methods
+from wallride.runtime.control.guidance import Follower, Guidance
+from wallride.runtime.control.method_settings import (
     BallFollowSettings,
     OwnSafetySettings,
     SafetySettings,
     SweptSafetySettings,
     WallFollowSettings,
 )
-from runtime.control.own_laws.follower import OwnFollower
-from runtime.control.own_laws.guard import CappedGuard, GuardedReport
-from runtime.control.own_laws.runner import LawRunner
-from runtime.control.own_laws.settings import OwnFollowSettings
-from runtime.control.perception.geometry import Floats
-from runtime.control.perception.own_parts import KnownParts
-from runtime.control.perception.plausibility import Plausibility
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.report.laws import ReportFollower
-from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
-from runtime.control.vehicle import CarSettings
-from runtime.control.wall_following.ball import BallFollower
+from wallride.runtime.control.own_laws.follower import OwnFollower
+from wallride.runtime.control.own_laws.guard import CappedGuard, GuardedReport
+from wallride.runtime.control.own_laws.runner import LawRunner
+from wallride.runtime.control.own_laws.settings import OwnFollowSettings
+from wallride.runtime.control.perception.geometry import Floats
+from wallride.runtime.control.perception.own_parts import KnownParts
+from wallride.runtime.control.perception.plausibility import Plausibility
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.report.laws import ReportFollower
+from wallride.runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.wall_following.ball import BallFollower
 
 
 class LiveLaws:

@@ -5,13 +5,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Discriminator, Field, SerializeAsAny, Tag, ValidationInfo, field_validator
 
-from runtime.control.own_laws.api import LawSettings
-from runtime.control.own_laws.law_class import OWN_TAG, checked_name, is_own
-from runtime.control.own_laws.settings import MAX_BUDGET_S, MIN_BUDGET_S, OwnFollowSettings, own_values
-from runtime.control.perception.lidar_health_settings import LidarHealthSettings
-from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
-from runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
-from runtime.control.wall_following.ball_settings import BallSettings
+from wallride.runtime.control.own_laws.api import LawSettings
+from wallride.runtime.control.own_laws.law_class import OWN_TAG, checked_name, is_own
+from wallride.runtime.control.own_laws.settings import MAX_BUDGET_S, MIN_BUDGET_S, OwnFollowSettings, own_values
+from wallride.runtime.control.perception.lidar_health_settings import LidarHealthSettings
+from wallride.runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
+from wallride.runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
+from wallride.runtime.control.wall_following.ball_settings import BallSettings
 
 DEFAULT_FOLLOW = "ball"
 DEFAULT_SAFETY = "swept"

@@ -2,29 +2,29 @@
 
 from collections.abc import Callable
 
-from drivers.api import Clock
-from runtime.control.guidance import Follower, Guard
-from runtime.control.method_settings import (
+from wallride.drivers.api import Clock
+from wallride.runtime.control.guidance import Follower, Guard
+from wallride.runtime.control.method_settings import (
     BallFollowSettings,
     OwnSafetySettings,
     SafetySettings,
     SweptSafetySettings,
     WallFollowSettings,
 )
-from runtime.control.own_laws.follower import OwnFollower
-from runtime.control.own_laws.guard import CappedGuard, GuardedReport
-from runtime.control.own_laws.law_class import load_law
-from runtime.control.own_laws.runner import LawRunner
-from runtime.control.own_laws.settings import OwnFollowSettings
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.recovery.recovering_follower import RecoveringFollower
-from runtime.control.recovery.way_out import Recovery
-from runtime.control.report.laws import ReportFollower, ReportTurn
-from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
-from runtime.control.safety.swept import SweptGuard
-from runtime.control.safety.swept_settings import RecoverySettings
-from runtime.control.vehicle import CarSettings
-from runtime.control.wall_following.ball import BallFollower
+from wallride.runtime.control.own_laws.follower import OwnFollower
+from wallride.runtime.control.own_laws.guard import CappedGuard, GuardedReport
+from wallride.runtime.control.own_laws.law_class import load_law
+from wallride.runtime.control.own_laws.runner import LawRunner
+from wallride.runtime.control.own_laws.settings import OwnFollowSettings
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.recovery.recovering_follower import RecoveringFollower
+from wallride.runtime.control.recovery.way_out import Recovery
+from wallride.runtime.control.report.laws import ReportFollower, ReportTurn
+from wallride.runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
+from wallride.runtime.control.safety.swept import SweptGuard
+from wallride.runtime.control.safety.swept_settings import RecoverySettings
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.wall_following.ball import BallFollower
 
 Driver = BallFollower | ReportFollower | OwnFollower
 Judge = SweptGuard | CappedGuard | GuardedReport

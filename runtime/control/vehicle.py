@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from runtime.settings_base import Section
+from wallride.runtime.settings_base import Section
 
 NAME_RULE = "1 to 32 of a-z, 0-9, - and _, beginning with a letter or digit"
 

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
 
-from runtime.host.scheduling import ask_for_precedence
-from runtime.host.terminal_text import one_line
+from wallride.runtime.host.scheduling import ask_for_precedence
+from wallride.runtime.host.terminal_text import one_line
 
 MAX_WAITING: Final = 2000
 """Maximum number of records that wait for a blocked terminal; newer ones are dropped."""

@@ -3,7 +3,7 @@
 import logging
 from dataclasses import dataclass
 
-from drivers.api import Clock
+from wallride.drivers.api import Clock
 
 FIRST_PAUSE_S = 1.0
 MAX_PAUSE_S = 60.0

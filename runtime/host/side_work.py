@@ -9,8 +9,8 @@ import traceback
 from collections.abc import Awaitable, Callable
 from typing import Final, Never, ParamSpec
 
-from drivers.api import Clock
-from runtime.host.rate_limited_log import RateLimitedLog
+from wallride.drivers.api import Clock
+from wallride.runtime.host.rate_limited_log import RateLimitedLog
 
 log = logging.getLogger("wallride.side_work")
 

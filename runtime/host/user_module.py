@@ -13,8 +13,8 @@ import traceback
 from pathlib import Path
 from types import ModuleType, TracebackType
 
-from runtime.host.ownership import changed_by_others, is_root
-from runtime.host.stop_signals import STOP_SIGNALS_HELD
+from wallride.runtime.host.ownership import changed_by_others, is_root
+from wallride.runtime.host.stop_signals import STOP_SIGNALS_HELD
 
 FOREIGN = ("site-packages", "dist-packages")
 CODE = (".py", ".pyc", ".so")

@@ -1,4 +1,4 @@
-"""The hot functions in C (`drivers.accelerated`): how they are built and sealed, and which are in use."""
+"""The hot functions in C (`wallride.drivers.accelerated`): how they are built and sealed, and which are in use."""
 
 import importlib
 from collections.abc import Mapping
@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 
-from drivers.accelerated import FUNCTIONS, UnfitError, extension, sealed
+from wallride.drivers.accelerated import FUNCTIONS, UnfitError, extension, sealed
 
 if TYPE_CHECKING:  # a wheel is built with the standard library and numpy alone
-    from runtime.realtime.prefetch import Prefetch
+    from wallride.runtime.realtime.prefetch import Prefetch
 
 LINE_BYTES: Final = 64
 MAPPINGS: Final = Path("/proc/self/maps")
@@ -46,7 +46,7 @@ def state() -> Kernel:
     try:
         library = extension()
         for name in sealed()["functions"]:
-            if not name.startswith("sim."):
+            if not name.startswith("wallride.sim."):
                 importlib.import_module(name.rpartition(".")[0])
     except UnfitError as reason:
         return Kernel(f"the hot path runs in Python ({reason})", {name: one.why for name, one in FUNCTIONS.items()})

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from runtime.kernel.survey import C_FOLDERS, Survey
+from wallride.runtime.kernel.survey import C_FOLDERS, Survey
 
 # No fused multiply-add: a product is rounded as numpy rounds it. errno and floating-point traps are not used.
 FLAGS: Final = ("-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC")

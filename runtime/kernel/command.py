@@ -4,9 +4,9 @@ import subprocess
 import sys
 from collections.abc import Iterator
 
-from drivers.accelerated import ROOT
-from runtime.kernel.build import FILE, BuildError, build
-from runtime.kernel.survey import write_seal
+from wallride.drivers.accelerated import ROOT
+from wallride.runtime.kernel.build import FILE, BuildError, build
+from wallride.runtime.kernel.survey import write_seal
 
 
 def run(*, native: bool, seal: bool) -> Iterator[str]:
@@ -19,7 +19,9 @@ def run(*, native: bool, seal: bool) -> Iterator[str]:
     target = ROOT / "drivers" / FILE
     build(ROOT, target, native=native)
     yield f"built {target}"
-    told = subprocess.run([sys.executable, "-m", "runtime.kernel"], capture_output=True, text=True, check=False)
+    told = subprocess.run(
+        [sys.executable, "-m", "wallride.runtime.kernel"], capture_output=True, text=True, check=False
+    )
     if told.returncode:
         raise BuildError(f"it was built and cannot be used: {told.stderr.strip().splitlines()[-1]}")
     yield told.stdout.strip()

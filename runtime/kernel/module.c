@@ -1,4 +1,4 @@
-/* The module `drivers._accelerated`: its functions, and how they read their arguments. Only constants are kept between
+/* The module `wallride.drivers._accelerated`: its functions, and how they read their arguments. Only constants are kept between
  * calls. */
 
 #define KERNEL_MODULE

@@ -38,7 +38,7 @@ static void forget(PyObject *self) {
 }
 
 static PyTypeObject over_type = {
-    PyVarObject_HEAD_INIT(NULL, 0).tp_name = "drivers._accelerated.Over",
+    PyVarObject_HEAD_INIT(NULL, 0).tp_name = "wallride.drivers._accelerated.Over",
     .tp_basicsize = sizeof(struct over),
     .tp_dealloc = forget,
     .tp_vectorcall_offset = offsetof(struct over, call),

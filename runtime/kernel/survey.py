@@ -13,7 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
-from drivers.fingerprint import Module, Sources, bound_by
+from wallride.drivers.fingerprint import PACKAGE, Module, Sources, bound_by, file_of
 
 PLACES: Final = "drivers/hokuyo", "runtime/control", "sim/world"
 """Folders whose functions may be accelerated, and whose constants the C may use."""
@@ -57,7 +57,7 @@ class Survey:
     def modules(self) -> tuple[Module, ...]:
         """All modules of PLACES."""
         paths = (path for place in PLACES for path in sorted((self.root / place).rglob("*.py")))
-        names = (".".join(path.relative_to(self.root).with_suffix("").parts) for path in paths)
+        names = (".".join((PACKAGE, *path.relative_to(self.root).with_suffix("").parts)) for path in paths)
         return tuple(module for name in names if (module := self._sources.module(name)) is not None)
 
     @cached_property
@@ -91,7 +91,7 @@ class Survey:
         return "\n".join(lines) + "\n"
 
     def seal(self) -> dict[str, Any]:
-        """Return what `drivers.accelerated` needs to know of this build."""
+        """Return what `wallride.drivers.accelerated` needs to know of this build."""
         sealed = read_seal(self.root)
         first, constants = 0, {}
         for one in self.constants:
@@ -111,7 +111,7 @@ class Survey:
         if unused:
             raise ValueError(f"no accelerated function uses {', '.join(sorted(unused))}, but its C does")
         used = sorted({module for found in self.functions.values() for module in found.modules})
-        files = {module: hashlib.sha256((self.root / _path(module)).read_bytes()).hexdigest() for module in used}
+        files = {module: hashlib.sha256((self.root / file_of(module)).read_bytes()).hexdigest() for module in used}
         return {"functions": functions, "constants": constants, "files": files, "c": c_digest(self.root)}
 
     def _slots(self) -> Iterator[tuple[str, str, object]]:
@@ -142,10 +142,6 @@ def c_digest(root: Path) -> str:
 
 def _c_files(folder: Path) -> list[Path]:
     return sorted(folder.rglob("*.[ch]"))
-
-
-def _path(module: str) -> str:
-    return module.replace(".", "/") + ".py"
 
 
 def _value_of(statement: ast.stmt, name: str) -> object:

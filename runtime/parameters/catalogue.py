@@ -16,10 +16,10 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import to_jsonable_python
 
-from runtime.control.method_settings import METHODS
-from runtime.control.own_laws.law_class import loaded
-from runtime.parameters.policy import Effect, Loosens, effect_of, loosens_by
-from runtime.settings.tree import Settings
+from wallride.runtime.control.method_settings import METHODS
+from wallride.runtime.control.own_laws.law_class import loaded
+from wallride.runtime.parameters.policy import Effect, Loosens, effect_of, loosens_by
+from wallride.runtime.settings.tree import Settings
 
 Value = bool | int | float | str | Sequence[str]
 """Types of a setting's value, as in JSON and TOML."""

@@ -15,11 +15,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from runtime.control.method_settings import METHODS
-from runtime.parameters import toml_text
-from runtime.parameters.catalogue import Value, shown, values
-from runtime.parameters.policy import is_safety_relevant
-from runtime.settings.tree import Settings, SettingsError, layered, load_settings, read_tree
+from wallride.runtime.control.method_settings import METHODS
+from wallride.runtime.parameters import toml_text
+from wallride.runtime.parameters.catalogue import Value, shown, values
+from wallride.runtime.parameters.policy import is_safety_relevant
+from wallride.runtime.settings.tree import Settings, SettingsError, layered, load_settings, read_tree
 
 _NEW_FILE_MODE = 0o644
 MARK = "saved while the car ran"

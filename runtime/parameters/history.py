@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
 
-from runtime.parameters.catalogue import Value
+from wallride.runtime.parameters.catalogue import Value
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, StringConstraints
 
-from runtime.wire.requests import Request
+from wallride.runtime.wire.requests import Request
 
 MAX_QUESTION = 4096
 MAX_VALUES = 64

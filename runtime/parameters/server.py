@@ -13,13 +13,13 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from drivers.api import Clock
-from runtime.control.method_settings import METHODS
-from runtime.parameters import file as settings_file
-from runtime.parameters.catalogue import Value, catalogue, shown, values
-from runtime.parameters.history import ChangeHistory, SettingChange
-from runtime.parameters.policy import Effect, only_on_the_car
-from runtime.parameters.requests import (
+from wallride.drivers.api import Clock
+from wallride.runtime.control.method_settings import METHODS
+from wallride.runtime.parameters import file as settings_file
+from wallride.runtime.parameters.catalogue import Value, catalogue, shown, values
+from wallride.runtime.parameters.history import ChangeHistory, SettingChange
+from wallride.runtime.parameters.policy import Effect, only_on_the_car
+from wallride.runtime.parameters.requests import (
     MAX_QUESTION,
     ConfigureQuestion,
     GetParameters,
@@ -29,8 +29,8 @@ from runtime.parameters.requests import (
     SaveQuestion,
     SetQuestion,
 )
-from runtime.parameters.update import UnacceptableError, UpdatePlan, looser, plan, read_texts
-from runtime.settings.tree import Settings
+from wallride.runtime.parameters.update import UnacceptableError, UpdatePlan, looser, plan, read_texts
+from wallride.runtime.settings.tree import Settings
 
 MAX_REFUSAL = 600
 

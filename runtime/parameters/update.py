@@ -9,11 +9,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from runtime.control.method_settings import METHODS, OWN_METHODS, TAGS, kept_by_new_method
-from runtime.control.own_laws.law_class import is_own, loaded
-from runtime.parameters.catalogue import Parameter, Value, catalogue, shown, values
-from runtime.parameters.policy import is_looser
-from runtime.settings.tree import Settings
+from wallride.runtime.control.method_settings import METHODS, OWN_METHODS, TAGS, kept_by_new_method
+from wallride.runtime.control.own_laws.law_class import is_own, loaded
+from wallride.runtime.parameters.catalogue import Parameter, Value, catalogue, shown, values
+from wallride.runtime.parameters.policy import is_looser
+from wallride.runtime.settings.tree import Settings
 
 _BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Never
 
-from drivers.api import Clock, Reschedule, as_wanted
+from wallride.drivers.api import Clock, Reschedule, as_wanted
 
 Tick = Callable[[float, int], None]
 """late_s: delay of the wake-up after the deadline; missed: deadlines skipped since the last tick."""

@@ -7,7 +7,7 @@ for the few descriptors of a car.
 import selectors
 from typing import TYPE_CHECKING, Any
 
-from drivers.spare_descriptors import check
+from wallride.drivers.spare_descriptors import check
 
 if TYPE_CHECKING:
     from _typeshed import FileDescriptorLike

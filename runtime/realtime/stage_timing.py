@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from itertools import accumulate
 from typing import Any, Literal
 
-from drivers.api import Clock
+from wallride.drivers.api import Clock
 
 SUB_BITS = 4
 _SUB = 1 << SUB_BITS

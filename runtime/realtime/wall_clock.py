@@ -7,7 +7,7 @@ corrections move the monotonic clock as well; a change of the difference is a st
 import time
 from collections.abc import Callable
 
-from drivers.api import Clock
+from wallride.drivers.api import Clock
 
 NS = 1_000_000_000
 MIN_STEP_NS = 20_000_000

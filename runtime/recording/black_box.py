@@ -5,9 +5,9 @@ from collections import deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from runtime.arbitration.command import Output, Source, SpeedLimit
-from runtime.recording.channels import RecordMessage
-from runtime.recording.decision_log import Heard
+from wallride.runtime.arbitration.command import Output, Source, SpeedLimit
+from wallride.runtime.recording.channels import RecordMessage
+from wallride.runtime.recording.decision_log import Heard
 
 NS = 1_000_000_000
 MAX_BYTES = 24_000_000

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from runtime.ros.cdr import ENCAPSULATION
-from runtime.ros.definitions import definition
+from wallride.runtime.ros.cdr import ENCAPSULATION
+from wallride.runtime.ros.definitions import definition
 
 STRING = "std_msgs/msg/String"
 BYTES = "std_msgs/msg/UInt8MultiArray"

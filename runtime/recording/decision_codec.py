@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from drivers.api import Drive, MotorState, Scan
-from runtime.arbitration.command import Decision, DriveCommand, Output, QueueEntry, Source, SpeedLimit, Verdict
-from runtime.control.guidance import Guidance
-from runtime.control.perception.own_parts import KnownParts
-from runtime.recording.decision_log import (
+from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.runtime.arbitration.command import Decision, DriveCommand, Output, QueueEntry, Source, SpeedLimit, Verdict
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.perception.own_parts import KnownParts
+from wallride.runtime.recording.decision_log import (
     CommandEvent,
     DecisionEvent,
     Dumpable,
@@ -24,7 +24,7 @@ from runtime.recording.decision_log import (
     SettingsEvent,
     WithdrawalEvent,
 )
-from runtime.recording.own_parts_memory import known_parts
+from wallride.runtime.recording.own_parts_memory import known_parts
 
 FORMAT = 1
 

@@ -18,10 +18,10 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from drivers.api import Clock, MotorState, Scan
-from runtime.arbitration.command import Output, QueueEntry, Source
-from runtime.control.guidance import Guidance
-from runtime.control.perception.own_parts import KnownParts
+from wallride.drivers.api import Clock, MotorState, Scan
+from wallride.runtime.arbitration.command import Output, QueueEntry, Source
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.perception.own_parts import KnownParts
 
 MAX_EVENTS = 8192
 """Maximum number of waiting events, about half a minute; of more the oldest are lost, which shows as a gap in their

@@ -5,8 +5,8 @@ import struct
 from pathlib import Path
 from typing import IO, Final
 
-from runtime.recording.disk import opened
-from runtime.recording.recover import HEAD_B, MAGIC
+from wallride.runtime.recording.disk import opened
+from wallride.runtime.recording.recover import HEAD_B, MAGIC
 
 NS: Final = 1_000_000_000
 FOOTER: Final = struct.Struct("<BQQQI")

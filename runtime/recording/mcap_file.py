@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self
 
-from runtime.recording.channels import RecordMessage, schema_text
-from runtime.recording.disk import Disk
+from wallride.runtime.recording.channels import RecordMessage, schema_text
+from wallride.runtime.recording.disk import Disk
 
 PROFILE = "ros2"
 METADATA = "wallride"

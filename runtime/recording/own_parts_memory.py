@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from runtime.control.perception.own_parts import KnownParts
-from runtime.parameters.file import StoreError, replace
+from wallride.runtime.control.perception.own_parts import KnownParts
+from wallride.runtime.parameters.file import StoreError, replace
 
 FILE = "own-parts.json"
 MAX_FILE_B = 200_000

@@ -18,19 +18,19 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from drivers.api import Clock
-from runtime.host.scheduling import ask_for_precedence
-from runtime.realtime.wall_clock import WallClock
-from runtime.recording import channels
-from runtime.recording.channels import RecordMessage
-from runtime.recording.decision_log import MAX_EVENTS, DecisionLog
-from runtime.recording.disk import Disk, RealDisk
-from runtime.recording.ring import MB, Ring
-from runtime.recording.transcriber import Transcriber
-from runtime.recording.writer import FileMetadata, RecordingWriter
-from runtime.ros.definitions import TYPES
-from runtime.settings.recording import RecordingSettings, car_folder
-from runtime.wire import topics
+from wallride.drivers.api import Clock
+from wallride.runtime.host.scheduling import ask_for_precedence
+from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.recording import channels
+from wallride.runtime.recording.channels import RecordMessage
+from wallride.runtime.recording.decision_log import MAX_EVENTS, DecisionLog
+from wallride.runtime.recording.disk import Disk, RealDisk
+from wallride.runtime.recording.ring import MB, Ring
+from wallride.runtime.recording.transcriber import Transcriber
+from wallride.runtime.recording.writer import FileMetadata, RecordingWriter
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.settings.recording import RecordingSettings, car_folder
+from wallride.runtime.wire import topics
 
 log = logging.getLogger("wallride.recording")
 

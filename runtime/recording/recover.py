@@ -14,8 +14,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from runtime.recording.disk import is_being_written, opened
-from runtime.recording.unpacking import Unpacking, UnpackingError
+from wallride.runtime.recording.disk import is_being_written, opened
+from wallride.runtime.recording.unpacking import Unpacking, UnpackingError
 
 if TYPE_CHECKING:
     from mcap.records import ChunkIndex, MessageIndex

@@ -10,8 +10,8 @@ from typing import Annotated
 
 from pydantic import Field, StringConstraints
 
-from runtime.wire import topics
-from runtime.wire.requests import Request
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.requests import Request
 
 RECORD = topics.RECORD
 LIST = f"{topics.LOGS}/list"

@@ -18,8 +18,8 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
-from runtime.recording.disk import Disk, is_being_written
-from runtime.settings.recording import RecordingSettings
+from wallride.runtime.recording.disk import Disk, is_being_written
+from wallride.runtime.settings.recording import RecordingSettings
 
 log = logging.getLogger("wallride.recording")
 

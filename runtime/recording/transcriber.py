@@ -3,18 +3,18 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from drivers.api import Scan
-from runtime.arbitration.command import Output, Source, SpeedLimit
-from runtime.realtime.wall_clock import WallClock
-from runtime.recording import channels
-from runtime.recording.black_box import StopWatcher
-from runtime.recording.channels import RecordMessage
-from runtime.recording.decision_codec import encode
-from runtime.recording.decision_log import Entry, Heard
-from runtime.ros import messages
-from runtime.ros.definitions import TYPES
-from runtime.settings.tree import Settings, to_toml
-from runtime.wire import topics
+from wallride.drivers.api import Scan
+from wallride.runtime.arbitration.command import Output, Source, SpeedLimit
+from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.recording import channels
+from wallride.runtime.recording.black_box import StopWatcher
+from wallride.runtime.recording.channels import RecordMessage
+from wallride.runtime.recording.decision_codec import encode
+from wallride.runtime.recording.decision_log import Entry, Heard
+from wallride.runtime.ros import messages
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.settings.tree import Settings, to_toml
+from wallride.runtime.wire import topics
 
 MAX_EVENTS = 64
 """Maximum number of events in one message: its encoding is one stretch of work without a pause."""

@@ -11,18 +11,18 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from runtime.control.own_laws.law_class import loaded_files
-from runtime.realtime.wall_clock import WallClock
-from runtime.recording import channels
-from runtime.recording.black_box import Memory
-from runtime.recording.channels import RecordMessage
-from runtime.recording.disk import Disk, explain
-from runtime.recording.laws_fingerprint import laws_fingerprint
-from runtime.recording.mcap_file import McapFile
-from runtime.recording.recover import RecoveryError, file_state, recover
-from runtime.recording.ring import MB, Ring, entries
-from runtime.settings.recording import RecordingSettings
-from runtime.wire import topics
+from wallride.runtime.control.own_laws.law_class import loaded_files
+from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.recording import channels
+from wallride.runtime.recording.black_box import Memory
+from wallride.runtime.recording.channels import RecordMessage
+from wallride.runtime.recording.disk import Disk, explain
+from wallride.runtime.recording.laws_fingerprint import laws_fingerprint
+from wallride.runtime.recording.mcap_file import McapFile
+from wallride.runtime.recording.recover import RecoveryError, file_state, recover
+from wallride.runtime.recording.ring import MB, Ring, entries
+from wallride.runtime.settings.recording import RecordingSettings
+from wallride.runtime.wire import topics
 
 log = logging.getLogger("wallride.recording")
 

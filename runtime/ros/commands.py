@@ -3,8 +3,8 @@
 import struct
 from typing import Final
 
-from runtime.ros.cdr import ENCAPSULATION
-from runtime.wire.teleop import MAX_SPEED_MPS, MAX_STEERING_RAD, Malformed
+from wallride.runtime.ros.cdr import ENCAPSULATION
+from wallride.runtime.wire.teleop import MAX_SPEED_MPS, MAX_STEERING_RAD, Malformed
 
 NS: Final = 1_000_000_000
 _STAMP_AND_LENGTH = struct.Struct("<iII")

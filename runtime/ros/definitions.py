@@ -5,7 +5,7 @@ from functools import lru_cache
 from importlib import resources
 from types import MappingProxyType
 
-from runtime.wire import topics
+from wallride.runtime.wire import topics
 
 SCHEMA_ENCODING = "ros2msg"
 """Name, in recorders and viewers (MCAP, Foxglove), of the form in which `definition` describes a type."""
@@ -61,6 +61,6 @@ def _parts(fields: str) -> list[str]:
 @lru_cache(maxsize=1)
 def _all_fields() -> dict[str, str]:
     """Return the fields of every type in types.msg, by name."""
-    text = resources.files("runtime.ros").joinpath("types.msg").read_text(encoding="utf-8")
+    text = resources.files("wallride.runtime.ros").joinpath("types.msg").read_text(encoding="utf-8")
     blocks = (block.split("\n", 1) for block in text.split("=== ")[1:])
     return {name.strip(): fields.strip() + "\n" for name, fields in blocks}

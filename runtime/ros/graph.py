@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from runtime.ros.definitions import TYPES
-from runtime.wire import topics
-from runtime.wire.rmw_zenoh import LATCHED, RosAccess, RosGraph, RosTopic
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.rmw_zenoh import LATCHED, RosAccess, RosGraph, RosTopic
 
 TF_ODOM = "tf_odom"
 """Telemetry's name for odom to base_link alone, ROS 2's /tf: beside it /tf_static has base_link to laser."""

@@ -7,9 +7,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from drivers.value import value
-from runtime.ros.cdr import ENCAPSULATION, CdrWriter, Template
-from runtime.ros.messages import BASE, NOTHING, NS, Floats, header, split_time
+from wallride.drivers.value import value
+from wallride.runtime.ros.cdr import ENCAPSULATION, CdrWriter, Template
+from wallride.runtime.ros.messages import BASE, NOTHING, NS, Floats, header, split_time
 
 LIFETIME_S = 0.6
 """Lifetime of a marker that is not renewed."""

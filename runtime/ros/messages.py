@@ -11,9 +11,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from drivers.api import MotorState, Scan
-from drivers.value import value
-from runtime.ros.cdr import CdrWriter, Template
+from wallride.drivers.api import MotorState, Scan
+from wallride.drivers.value import value
+from wallride.runtime.ros.cdr import CdrWriter, Template
 
 BASE, LASER, ODOM = "base_link", "laser", "odom"
 NS = 1_000_000_000

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
-from runtime.wire.zenoh_config import Person, Role
+from wallride.runtime.wire.zenoh_config import Person, Role
 
 NAME_FORM = re.compile(r"[a-z0-9][a-z0-9_-]{0,23}")
 """Form of a person's name: it is a key in TOML, a file's name everywhere, and fits a teleop message."""

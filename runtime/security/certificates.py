@@ -17,8 +17,8 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from runtime.security.access_list import KeysError
-from runtime.wire.zenoh_config import Tls
+from wallride.runtime.security.access_list import KeysError
+from wallride.runtime.wire.zenoh_config import Tls
 
 EXPIRES_SOON = timedelta(days=30)
 _Read = TypeVar("_Read")

@@ -6,15 +6,15 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.host.ownership import changed_by_others
-from runtime.security.access_list import KeysError, read_people
-from runtime.wire.endpoints import is_tls
-from runtime.wire.rmw_zenoh import RosAccess
-from runtime.wire.router_config import uplink_config
-from runtime.wire.zenoh_config import Person, Role, Tls, car_config
+from wallride.runtime.host.ownership import changed_by_others
+from wallride.runtime.security.access_list import KeysError, read_people
+from wallride.runtime.wire.endpoints import is_tls
+from wallride.runtime.wire.rmw_zenoh import RosAccess
+from wallride.runtime.wire.router_config import uplink_config
+from wallride.runtime.wire.zenoh_config import Person, Role, Tls, car_config
 
 if TYPE_CHECKING:
-    from runtime.security.certificates import CertificateIdentity
+    from wallride.runtime.security.certificates import CertificateIdentity
 
 PEOPLE = "people.toml"
 AUTHORITY = "ca.pem"
@@ -124,7 +124,7 @@ def _persons_files(directory: Path) -> Tls:
 def _identity(tls: Tls, *, for_car: bool) -> "CertificateIdentity":
     """Check the files with the package that only keys need; name the way to install it when it is missing."""
     try:
-        from runtime.security.certificates import read_identity
+        from wallride.runtime.security.certificates import read_identity
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] != "cryptography":
             raise

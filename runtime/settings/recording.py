@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from runtime.settings_base import Section
+from wallride.runtime.settings_base import Section
 
 FOLDER = "wallride/recordings"
 SIMULATED = "simulated"

@@ -4,8 +4,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from runtime.settings_base import Section
-from runtime.wire.rmw_zenoh import MAX_DOMAIN, Distro
+from wallride.runtime.settings_base import Section
+from wallride.runtime.wire.rmw_zenoh import MAX_DOMAIN, Distro
 
 
 class Ros2Settings(Section):

@@ -5,9 +5,9 @@ from typing import Literal
 
 from pydantic import field_validator
 
-from runtime.settings_base import Section
-from runtime.wire.endpoints import check_listening
-from runtime.wire.router_config import check_routers
+from wallride.runtime.settings_base import Section
+from wallride.runtime.wire.endpoints import check_listening
+from wallride.runtime.wire.router_config import check_routers
 
 DEFAULT_KEYS_DIR = Path("/etc/wallride/keys")
 DEFAULT_CONNECT_KEYS_DIR = Path("/etc/wallride/uplink")

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from runtime.settings_base import Section
+from wallride.runtime.settings_base import Section
 
 Rate = Annotated[float, Field(ge=0, le=200)]
 """Maximum rate [1/s]; 0 is never. A topic is never sent more often than it changes."""

@@ -13,11 +13,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from drivers.hokuyo.settings import HokuyoSettings
-from drivers.vesc.settings import VescSettings
-from runtime.arbitration.command import LAB_ORDER, Source
-from runtime.control.battery import BatterySettings
-from runtime.control.method_settings import (
+from wallride.drivers.hokuyo.settings import HokuyoSettings
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.runtime.arbitration.command import LAB_ORDER, Source
+from wallride.runtime.control.battery import BatterySettings
+from wallride.runtime.control.method_settings import (
     METHODS,
     OWN_METHODS,
     TAGS,
@@ -27,19 +27,19 @@ from runtime.control.method_settings import (
     SweptSafetySettings,
     kept_by_new_method,
 )
-from runtime.control.own_laws.law_class import ANSWERS, NAME, OWN_TAG, known_law, load_law
-from runtime.control.vehicle import NAME_RULE, CarSettings
-from runtime.host.user_module import UserCodeError, search_in
-from runtime.settings.joystick import JoystickSettings
-from runtime.settings.operator import OperatorSettings
-from runtime.settings.parameters import ParameterSettings
-from runtime.settings.planners import PlannerSettings
-from runtime.settings.recording import RecordingSettings
-from runtime.settings.ros2 import Ros2Settings
-from runtime.settings.session import SessionSettings
-from runtime.settings.telemetry import TelemetryRates
-from runtime.settings_base import Section
-from runtime.wire.rmw_zenoh import ROS2_PLANNER, RosGraph, node_name
+from wallride.runtime.control.own_laws.law_class import ANSWERS, NAME, OWN_TAG, known_law, load_law
+from wallride.runtime.control.vehicle import NAME_RULE, CarSettings
+from wallride.runtime.host.user_module import UserCodeError, search_in
+from wallride.runtime.settings.joystick import JoystickSettings
+from wallride.runtime.settings.operator import OperatorSettings
+from wallride.runtime.settings.parameters import ParameterSettings
+from wallride.runtime.settings.planners import PlannerSettings
+from wallride.runtime.settings.recording import RecordingSettings
+from wallride.runtime.settings.ros2 import Ros2Settings
+from wallride.runtime.settings.session import SessionSettings
+from wallride.runtime.settings.telemetry import TelemetryRates
+from wallride.runtime.settings_base import Section
+from wallride.runtime.wire.rmw_zenoh import ROS2_PLANNER, RosGraph, node_name
 
 
 class SettingsError(Exception):

@@ -5,10 +5,10 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from drivers.api import Motor
-from runtime.arbitration.command import Source, SpeedLimit, Verdict
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.control.battery import BatteryMonitor, BatterySettings, Charge
+from wallride.drivers.api import Motor
+from wallride.runtime.arbitration.command import Source, SpeedLimit, Verdict
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.control.battery import BatteryMonitor, BatterySettings, Charge
 
 log = logging.getLogger("wallride.battery")
 

@@ -5,7 +5,7 @@ import logging
 from collections.abc import Callable, Mapping
 from typing import Any, Final, Never
 
-from runtime.host.computer import ComputerReading
+from wallride.runtime.host.computer import ComputerReading
 
 log = logging.getLogger("wallride.computer")
 

@@ -5,10 +5,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from drivers.api import Clock, Health, Lidar, LinkState, Motor
-from runtime.arbitration.command import NO_WINNER, Output
-from runtime.arbitration.emergency_stop import Cause, EmergencyStop
-from runtime.host.systemd import ServiceManager
+from wallride.drivers.api import Clock, Health, Lidar, LinkState, Motor
+from wallride.runtime.arbitration.command import NO_WINNER, Output
+from wallride.runtime.arbitration.emergency_stop import Cause, EmergencyStop
+from wallride.runtime.host.systemd import ServiceManager
 
 log = logging.getLogger("wallride.health")
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Never
 
-from drivers.api import Lidar, Scan
+from wallride.drivers.api import Lidar, Scan
 
 
 async def pump(

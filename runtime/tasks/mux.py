@@ -4,14 +4,14 @@ import logging
 from collections.abc import Callable
 from typing import Never
 
-from drivers.api import Clock, Motor
-from runtime.arbitration.command import NO_WINNER, Decision, Output, Source, arbitrate
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.control.limiter import Limiter
-from runtime.realtime.periodic import Tick
-from runtime.realtime.stage_timing import StageTimer
-from runtime.recording.decision_log import DecisionLog
-from runtime.telemetry.screen_words import because
+from wallride.drivers.api import Clock, Motor
+from wallride.runtime.arbitration.command import NO_WINNER, Decision, Output, Source, arbitrate
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.control.limiter import Limiter
+from wallride.runtime.realtime.periodic import Tick
+from wallride.runtime.realtime.stage_timing import StageTimer
+from wallride.runtime.recording.decision_log import DecisionLog
+from wallride.runtime.telemetry.screen_words import because
 
 log = logging.getLogger("wallride.mux")
 

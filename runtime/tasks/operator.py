@@ -4,8 +4,8 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from drivers.api import Motor
-from runtime.teleop.desk import OperatorDesk
+from wallride.drivers.api import Motor
+from wallride.runtime.teleop.desk import OperatorDesk
 
 EVERY_UNHEARD: Final = 3
 """Period of the heartbeats, in ticks, while no operator sends commands: enough to see the car and to send to it, for a

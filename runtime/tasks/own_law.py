@@ -4,14 +4,14 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 
-from drivers.api import Clock
-from runtime.arbitration.permit import Permit
-from runtime.control.live_laws import LiveLaws
-from runtime.control.own_laws.runner import LawRunner
-from runtime.host.rate_limited_log import RateLimitedLog
-from runtime.host.stop_signals import STOP_SIGNALS_HELD
-from runtime.host.user_module import shown
-from runtime.host.user_threads import threads_of
+from wallride.drivers.api import Clock
+from wallride.runtime.arbitration.permit import Permit
+from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.own_laws.runner import LawRunner
+from wallride.runtime.host.rate_limited_log import RateLimitedLog
+from wallride.runtime.host.stop_signals import STOP_SIGNALS_HELD
+from wallride.runtime.host.user_module import shown
+from wallride.runtime.host.user_threads import threads_of
 
 log = logging.getLogger("wallride.own_law")
 

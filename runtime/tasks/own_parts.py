@@ -7,15 +7,15 @@ from typing import Any, Never
 
 import numpy as np
 
-from drivers.api import Clock, Scan
-from runtime.control.live_laws import LiveLaws
-from runtime.control.perception.geometry import bearings_rad
-from runtime.control.perception.own_parts import KnownParts
-from runtime.control.perception.window_dirt import patches
-from runtime.recording import own_parts_memory as memory
-from runtime.recording.own_parts_memory import RememberedParts
-from runtime.wire import topics
-from runtime.wire.network import RefusedError
+from wallride.drivers.api import Clock, Scan
+from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.perception.geometry import bearings_rad
+from wallride.runtime.control.perception.own_parts import KnownParts
+from wallride.runtime.control.perception.window_dirt import patches
+from wallride.runtime.recording import own_parts_memory as memory
+from wallride.runtime.recording.own_parts_memory import RememberedParts
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.network import RefusedError
 
 LOOKS_EVERY_S = 2.0
 UNCHANGED_S = 10.0

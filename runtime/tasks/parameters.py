@@ -5,13 +5,13 @@ import logging
 from pathlib import Path
 from typing import Never
 
-from runtime.parameters.catalogue import shown
-from runtime.parameters.file import StoreError, replace
-from runtime.parameters.history import ChangeHistory, SettingChange
-from runtime.parameters.server import ParameterServer
-from runtime.parameters.update import UnacceptableError
-from runtime.wire import topics
-from runtime.wire.requests import Reply, RequestServer, refuse_later_on, refuse_on
+from wallride.runtime.parameters.catalogue import shown
+from wallride.runtime.parameters.file import StoreError, replace
+from wallride.runtime.parameters.history import ChangeHistory, SettingChange
+from wallride.runtime.parameters.server import ParameterServer
+from wallride.runtime.parameters.update import UnacceptableError
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.requests import Reply, RequestServer, refuse_later_on, refuse_on
 
 log = logging.getLogger("wallride.parameters")
 

@@ -12,16 +12,16 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from runtime.recording import requests
-from runtime.recording.disk import explain, opened
-from runtime.recording.file_summary import duration_s
-from runtime.recording.recorder import Recorder
-from runtime.recording.recover import file_state
-from runtime.recording.requests import GetRecording, ListRecordings, RecordQuestion, TrimQuestion
-from runtime.recording.ring import MB, entries, parse, trim
-from runtime.wire import topics
-from runtime.wire.network import RefusedError
-from runtime.wire.requests import Reply, RequestServer
+from wallride.runtime.recording import requests
+from wallride.runtime.recording.disk import explain, opened
+from wallride.runtime.recording.file_summary import duration_s
+from wallride.runtime.recording.recorder import Recorder
+from wallride.runtime.recording.recover import file_state
+from wallride.runtime.recording.requests import GetRecording, ListRecordings, RecordQuestion, TrimQuestion
+from wallride.runtime.recording.ring import MB, entries, parse, trim
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.network import RefusedError
+from wallride.runtime.wire.requests import Reply, RequestServer
 
 BEGINS_WITHIN_S = 1.0
 LOOK_EVERY_S = 0.05

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import Never
 
-from drivers.api import Motor, MotorState, Scan
-from runtime.arbitration.queues import Inbox
-from runtime.realtime.stage_timing import TimedStage
+from wallride.drivers.api import Motor, MotorState, Scan
+from wallride.runtime.arbitration.queues import Inbox
+from wallride.runtime.realtime.stage_timing import TimedStage
 
 Look = Callable[[Scan, MotorState | None], object]
 """Takes in one scan and puts safety's speed limit into the command queue: `LiveStack.look`."""

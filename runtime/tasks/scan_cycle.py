@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Sequence
 
-from drivers.api import Scan
-from runtime.control.guidance import Guidance
-from runtime.realtime.stage_timing import TimedStage
+from wallride.drivers.api import Scan
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.realtime.stage_timing import TimedStage
 
 
 class ScanCycle:

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
-from drivers.api import Clock, Motor
-from runtime.arbitration.command import Output
-from runtime.control.safety.stopping import SlidingSpeed
+from wallride.drivers.api import Clock, Motor
+from wallride.runtime.arbitration.command import Output
+from wallride.runtime.control.safety.stopping import SlidingSpeed
 
 STANDS_BELOW_MPS: Final = 0.05
 ICE_MPS2: Final = 2.0

@@ -14,21 +14,21 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any, Literal, Never
 
-from drivers.api import Scan
-from runtime.arbitration.command import Output
-from runtime.control.guidance import Guidance
-from runtime.control.perception.odometry import Odometry
-from runtime.control.vehicle import CarSettings
-from runtime.host.side_work import SideWork
-from runtime.realtime.wall_clock import WallClock
-from runtime.ros.definitions import TYPES
-from runtime.ros.graph import TF_ODOM
-from runtime.ros.messages import Floats
-from runtime.telemetry import status as car_status
-from runtime.telemetry.sinks import Sink
-from runtime.telemetry.status import ObservedState
-from runtime.telemetry.topic_writers import Message, Newest, TopicWriters, Vector
-from runtime.wire import topics
+from wallride.drivers.api import Scan
+from wallride.runtime.arbitration.command import Output
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.perception.odometry import Odometry
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.host.side_work import SideWork
+from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.ros.graph import TF_ODOM
+from wallride.runtime.ros.messages import Floats
+from wallride.runtime.telemetry import status as car_status
+from wallride.runtime.telemetry.sinks import Sink
+from wallride.runtime.telemetry.status import ObservedState
+from wallride.runtime.telemetry.topic_writers import Message, Newest, TopicWriters, Vector
+from wallride.runtime.wire import topics
 
 BY_SCAN = (topics.SCAN,)
 BY_GUIDANCE = (topics.WALL,)

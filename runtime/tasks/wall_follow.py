@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from typing import Never
 
-from drivers.api import Motor, MotorState, Scan
-from runtime.arbitration.queues import Inbox
-from runtime.control.guidance import Guidance
-from runtime.tasks.scan_cycle import ScanCycle
+from wallride.drivers.api import Motor, MotorState, Scan
+from wallride.runtime.arbitration.queues import Inbox
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.tasks.scan_cycle import ScanCycle
 
 Follow = Callable[[Scan, MotorState | None], Guidance]
 """Answers one scan and puts the navigation command into the command queue: `LiveStack.follow`."""

@@ -10,13 +10,13 @@ from typing import Literal
 
 import numpy as np
 
-from drivers.api import Drive
-from runtime.arbitration.command import Output, Source
-from runtime.control.guidance import Guidance
-from runtime.control.perception.view import View
-from runtime.control.vehicle import CarSettings
-from runtime.ros.markers import BLUE, GREEN, ORANGE, RED, Marker, MarkerType
-from runtime.ros.messages import Floats
+from wallride.drivers.api import Drive
+from wallride.runtime.arbitration.command import Output, Source
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.perception.view import View
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.ros.markers import BLUE, GREEN, ORANGE, RED, Marker, MarkerType
+from wallride.runtime.ros.messages import Floats
 
 WALL_ENDS_M = -1.0, 3.0
 """Ends of the drawn wall, along it from the point beside the rear axle."""

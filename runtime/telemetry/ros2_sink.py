@@ -4,14 +4,14 @@ import functools
 from collections.abc import Callable
 from typing import Protocol
 
-from runtime.realtime.wall_clock import WallClock
-from runtime.ros import messages
-from runtime.ros.graph import DRIVE, PUBLISHED, TF_ODOM, TF_STATIC
-from runtime.ros.messages import Frame
-from runtime.settings.telemetry import RatesHz
-from runtime.telemetry.sinks import TopicGate
-from runtime.wire.network import CDR
-from runtime.wire.rmw_zenoh import RosGraph, attachment, gid
+from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.ros import messages
+from wallride.runtime.ros.graph import DRIVE, PUBLISHED, TF_ODOM, TF_STATIC
+from wallride.runtime.ros.messages import Frame
+from wallride.runtime.settings.telemetry import RatesHz
+from wallride.runtime.telemetry.sinks import TopicGate
+from wallride.runtime.wire.network import CDR
+from wallride.runtime.wire.rmw_zenoh import RosGraph, attachment, gid
 
 
 class RosNetwork(Protocol):

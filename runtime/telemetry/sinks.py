@@ -4,9 +4,9 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from runtime.ros.definitions import encoding
-from runtime.settings.telemetry import RatesHz
-from runtime.wire import topics
+from wallride.runtime.ros.definitions import encoding
+from wallride.runtime.settings.telemetry import RatesHz
+from wallride.runtime.wire import topics
 
 EARLY_SHARE = 0.2
 """Share of its period by which a message may come early: a lidar's 25 ms are not always 25 ms."""

@@ -11,9 +11,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from drivers.api import Clock, Lidar, LinkState, Motor, MotorState
-from drivers.value import value
-from runtime.arbitration.command import (
+from wallride.drivers.api import Clock, Lidar, LinkState, Motor, MotorState
+from wallride.drivers.value import value
+from wallride.runtime.arbitration.command import (
     NO_WINNER,
     Decision,
     DriveCommand,
@@ -22,12 +22,12 @@ from runtime.arbitration.command import (
     Source,
     SpeedLimit,
 )
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.score import Score
-from runtime.realtime.stage_timing import StageTimer
-from runtime.teleop.status import OperatorView
-from runtime.wire.teleop import session_text
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.score import Score
+from wallride.runtime.realtime.stage_timing import StageTimer
+from wallride.runtime.teleop.status import OperatorView
+from wallride.runtime.wire.teleop import session_text
 
 LATENCIES = 400
 NO_WORD = "no word"

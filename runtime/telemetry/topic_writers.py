@@ -5,19 +5,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from drivers.api import LinkState, MotorState, Scan
-from runtime.arbitration.command import NO_WINNER, DriveCommand, Output, Source, SpeedLimit
-from runtime.control.guidance import Guidance
-from runtime.control.perception.view import View
-from runtime.control.vehicle import CarSettings
-from runtime.realtime.wall_clock import WallClock
-from runtime.ros import markers, messages
-from runtime.ros.graph import TF_ODOM
-from runtime.ros.messages import DiagnosticStatus, Floats, Frame
-from runtime.telemetry import marker_writers
-from runtime.telemetry import status as car_status
-from runtime.telemetry.status import Journey, ObservedState, SourceStatus
-from runtime.wire import topics
+from wallride.drivers.api import LinkState, MotorState, Scan
+from wallride.runtime.arbitration.command import NO_WINNER, DriveCommand, Output, Source, SpeedLimit
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.perception.view import View
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.ros import markers, messages
+from wallride.runtime.ros.graph import TF_ODOM
+from wallride.runtime.ros.messages import DiagnosticStatus, Floats, Frame
+from wallride.runtime.telemetry import marker_writers
+from wallride.runtime.telemetry import status as car_status
+from wallride.runtime.telemetry.status import Journey, ObservedState, SourceStatus
+from wallride.runtime.wire import topics
 
 Message = tuple[float, bytes]
 """Time of the measurement on the monotonic clock [s], and the payload."""

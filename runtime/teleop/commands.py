@@ -4,11 +4,11 @@ While a human drives, the permit refuses in either mode, so that the silence of 
 operator is present at all, the permit's consent is a lease, so that it ends even if no task were left to notice.
 """
 
-from drivers.api import Drive
-from runtime.arbitration.command import DriveCommand, Source
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.arbitration.permit import NOT_GRANTED, NOT_REQUIRED, Permit
-from runtime.teleop.status import OperatorState
+from wallride.drivers.api import Drive
+from wallride.runtime.arbitration.command import DriveCommand, Source
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.arbitration.permit import NOT_GRANTED, NOT_REQUIRED, Permit
+from wallride.runtime.teleop.status import OperatorState
 
 
 class TeleopStatements:

@@ -17,18 +17,18 @@ import logging
 import math
 from collections.abc import Callable
 
-from drivers.api import Clock, Drive
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.arbitration.emergency_stop import Cause, EmergencyStop
-from runtime.arbitration.permit import Permit
-from runtime.host.rate_limited_log import RateLimitedLog
-from runtime.settings.operator import OperatorSettings
-from runtime.teleop.commands import TeleopStatements
-from runtime.teleop.freshness import Beats
-from runtime.teleop.rejections import Refusal, Refusals
-from runtime.teleop.sessions import SessionGate, TeleopSession
-from runtime.teleop.status import DeskFacts, OperatorState, OperatorView
-from runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, Command, Input, Malformed, Press, is_stop, read_command
+from wallride.drivers.api import Clock, Drive
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.arbitration.emergency_stop import Cause, EmergencyStop
+from wallride.runtime.arbitration.permit import Permit
+from wallride.runtime.host.rate_limited_log import RateLimitedLog
+from wallride.runtime.settings.operator import OperatorSettings
+from wallride.runtime.teleop.commands import TeleopStatements
+from wallride.runtime.teleop.freshness import Beats
+from wallride.runtime.teleop.rejections import Refusal, Refusals
+from wallride.runtime.teleop.sessions import SessionGate, TeleopSession
+from wallride.runtime.teleop.status import DeskFacts, OperatorState, OperatorView
+from wallride.runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, Command, Input, Malformed, Press, is_stop, read_command
 
 log = logging.getLogger("wallride.operator")
 

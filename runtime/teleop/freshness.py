@@ -7,7 +7,7 @@ between, and no two clocks need to agree.
 
 from collections import deque
 
-from drivers.api import Clock
+from wallride.drivers.api import Clock
 
 REMEMBERED_BEATS = 512
 """Number of heartbeats whose sending times are kept: ten seconds at 50 Hz. Older ones count as unknown: a command that

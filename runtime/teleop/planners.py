@@ -18,18 +18,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from drivers.api import Clock, Drive
-from runtime.arbitration.command import DriveCommand, Source, refusal
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.arbitration.permit import Permit
-from runtime.host.rate_limited_log import RateLimitedLog
-from runtime.ros.commands import read_ackermann
-from runtime.teleop.freshness import Beats
-from runtime.teleop.rejections import Refusal, Refusals
-from runtime.teleop.ros_drive import DriveSeries, Stamps
-from runtime.teleop.sessions import SessionGate
-from runtime.wire.rmw_zenoh import ROS2_PLANNER, read_attachment
-from runtime.wire.teleop import Command, Malformed, Press, read_command
+from wallride.drivers.api import Clock, Drive
+from wallride.runtime.arbitration.command import DriveCommand, Source, refusal
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.arbitration.permit import Permit
+from wallride.runtime.host.rate_limited_log import RateLimitedLog
+from wallride.runtime.ros.commands import read_ackermann
+from wallride.runtime.teleop.freshness import Beats
+from wallride.runtime.teleop.rejections import Refusal, Refusals
+from wallride.runtime.teleop.ros_drive import DriveSeries, Stamps
+from wallride.runtime.teleop.sessions import SessionGate
+from wallride.runtime.wire.rmw_zenoh import ROS2_PLANNER, read_attachment
+from wallride.runtime.wire.teleop import Command, Malformed, Press, read_command
 
 log = logging.getLogger("wallride.planners")
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from enum import StrEnum
 
-from runtime.host.rate_limited_log import RateLimitedLog
+from wallride.runtime.host.rate_limited_log import RateLimitedLog
 
 
 class Refusal(StrEnum):

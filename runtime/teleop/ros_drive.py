@@ -16,7 +16,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from runtime.teleop.rejections import Refusal
+from wallride.runtime.teleop.rejections import Refusal
 
 WARM_UP_S: Final = 0.5
 """Duration of a series after which its commands count."""

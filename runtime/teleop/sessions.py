@@ -6,9 +6,9 @@ of its session. Its content is evaluated elsewhere.
 
 from dataclasses import dataclass
 
-from runtime.teleop.freshness import Beats, newer
-from runtime.teleop.rejections import Refusal
-from runtime.wire.teleop import Command
+from wallride.runtime.teleop.freshness import Beats, newer
+from wallride.runtime.teleop.rejections import Refusal
+from wallride.runtime.wire.teleop import Command
 
 MAX_SESSIONS = 64
 """Maximum number of sessions: more clients at once than any class has. Further sessions of a valid key are refused, not

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Any
 
-from drivers.value import value
-from runtime.arbitration.emergency_stop import Cause
-from runtime.wire.teleop import CarCondition
+from wallride.drivers.value import value
+from wallride.runtime.arbitration.emergency_stop import Cause
+from wallride.runtime.wire.teleop import CarCondition
 
 
 class OperatorState(StrEnum):

@@ -16,11 +16,11 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from runtime.wire import topics
-from runtime.wire.ingress import MAX_QUESTION_BYTES
-from runtime.wire.mailbox import Mailbox, call_in_loop
-from runtime.wire.network import JSON, MAX_SAMPLE_BYTES, Changed, PortTakenError, Receive, RefusedError, Reply
-from runtime.wire.ports import free_endpoint, is_taken
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.ingress import MAX_QUESTION_BYTES
+from wallride.runtime.wire.mailbox import Mailbox, call_in_loop
+from wallride.runtime.wire.network import JSON, MAX_SAMPLE_BYTES, Changed, PortTakenError, Receive, RefusedError, Reply
+from wallride.runtime.wire.ports import free_endpoint, is_taken
 
 if TYPE_CHECKING:
     import zenoh

@@ -2,8 +2,8 @@
 
 No Python runs in zenoh's threads. With a callback for each message, a thread of ordinary priority could be preempted
 while it held the interpreter's lock, and the thread that drives then waited for a processor that a flood kept busy: up
-to 0.9 s without a motor command. A ring that is full drops its oldest message; `runtime.wire.ingress` bounds what one
-client can put into it.
+to 0.9 s without a motor command. A ring that is full drops its oldest message; `wallride.runtime.wire.ingress` bounds
+what one client can put into it.
 """
 
 import functools
@@ -12,8 +12,8 @@ import time
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
-from runtime.wire.bus import Bus
-from runtime.wire.network import MAX_SAMPLE_BYTES, Receive, ReceiveAttached, Reply
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import MAX_SAMPLE_BYTES, Receive, ReceiveAttached, Reply
 
 if TYPE_CHECKING:
     import zenoh

@@ -8,8 +8,8 @@ with its first message. A question that is held back has an empty answer at once
 from collections.abc import Sequence
 from typing import Any, Final
 
-from runtime.wire import topics
-from runtime.wire.teleop import COMMAND_BYTES
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.teleop import COMMAND_BYTES
 
 COMMANDS_HZ: Final = 500.0
 """Clients send at most 100 commands a second, and their last words 5 ms apart, three times."""

@@ -3,10 +3,10 @@
 import asyncio
 import contextlib
 
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.endpoints import is_tls
-from runtime.wire.teleop import Malformed, read_beat, session_text
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.endpoints import is_tls
+from wallride.runtime.wire.teleop import Malformed, read_beat, session_text
 
 ASK_FOR_S = 1.5
 STRANGER = "another program"

@@ -4,7 +4,7 @@ import errno
 import socket
 from typing import Any
 
-from runtime.wire.endpoints import split_endpoint
+from wallride.runtime.wire.endpoints import split_endpoint
 
 
 def free_endpoint() -> str:

@@ -5,7 +5,7 @@ from typing import Protocol
 
 from pydantic import BaseModel, ConfigDict
 
-from runtime.wire.network import RefusedError
+from wallride.runtime.wire.network import RefusedError
 
 Reply = Callable[[bytes], bytes | Awaitable[bytes]]
 

@@ -16,7 +16,7 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Final, Literal
 
-from drivers.value import value
+from wallride.drivers.value import value
 
 GRAPH: Final = "@ros2_lv"
 LATCHED_SUFFIX: Final = "@adv/**"

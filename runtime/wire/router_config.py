@@ -11,17 +11,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
-from runtime.wire import topics
-from runtime.wire.endpoints import check_listening
-from runtime.wire.ingress import (
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.endpoints import check_listening
+from wallride.runtime.wire.ingress import (
     COMMANDS_HZ,
     droppable_answers,
     low_pass_filter,
     planner_rates,
     routed_downsampling,
 )
-from runtime.wire.teleop import COMMAND_BYTES
-from runtime.wire.zenoh_config import (
+from wallride.runtime.wire.teleop import COMMAND_BYTES
+from wallride.runtime.wire.zenoh_config import (
     Grant,
     Person,
     Role,

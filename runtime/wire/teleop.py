@@ -17,7 +17,7 @@ import struct
 from enum import IntEnum, IntFlag
 from typing import Final
 
-from drivers.value import value
+from wallride.drivers.value import value
 
 COMMAND_MAGIC: Final = b"WRC1"
 BEAT_MAGIC: Final = b"WRB1"
@@ -38,7 +38,7 @@ _U32 = 0xFFFF_FFFF
 _U64 = 0xFFFF_FFFF_FFFF_FFFF
 
 
-class Malformed(ValueError):  # noqa: N818 - what the payload is, as in drivers.api
+class Malformed(ValueError):  # noqa: N818 - what the payload is, as in wallride.drivers.api
     """A payload that is not one of these messages; the text gives the reason and never quotes the payload.
 
     stop: the payload is a command in its outer form (length, version) and has e-stop set: stopping is never refused.

@@ -4,7 +4,7 @@ Telemetry, `wallride/<car>/<topic>`: standard ROS 2 messages in CDR, except
 
     status      one JSON object, the reason why the car is or is not moving
     decision    one JSON object per changed decision of the mux
-    beat        the car's heartbeat for operators, binary (runtime.wire.teleop)
+    beat        the car's heartbeat for operators, binary (wallride.runtime.wire.teleop)
 
 To the car: `operator/command`, binary; `param/list|get|set|save|configure|history`,
 `own_parts/show|forget`, queries in JSON.
@@ -42,7 +42,7 @@ BEAT = "beat"
 BULK = frozenset({SCAN, WALL, FOOTPRINT})
 """Topics that a slow link loses first."""
 JSON_TOPICS = (STATUS, DECISION)
-"""Topics of telemetry in JSON; the others are ROS 2 messages (runtime.ros.definitions.TYPES)."""
+"""Topics of telemetry in JSON; the others are ROS 2 messages (wallride.runtime.ros.definitions.TYPES)."""
 
 COMMAND = "operator/command"
 ALIVE = "alive"

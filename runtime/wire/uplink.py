@@ -11,10 +11,10 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, Never
 
-from runtime.ending import end
-from runtime.wire import topics
-from runtime.wire.car_bus import CarBus
-from runtime.wire.network import JSON, MAX_SAMPLE_BYTES, Receive, Reply
+from wallride.runtime.ending import end
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.car_bus import CarBus
+from wallride.runtime.wire.network import JSON, MAX_SAMPLE_BYTES, Receive, Reply
 
 log = logging.getLogger("wallride.uplink")
 

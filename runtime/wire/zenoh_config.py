@@ -11,11 +11,11 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, Literal
 
-from runtime.wire import topics
-from runtime.wire.endpoints import check_listening, is_tls, split_endpoint
-from runtime.wire.ingress import MAX_ANSWER_B, MAX_INCOMING_B, downsampling, droppable_answers, low_pass_filter
-from runtime.wire.rmw_zenoh import GRAPH, LATCHED_SUFFIX, MAX_DRIVE_B, ROS2_PLANNER, RosAccess
-from runtime.wire.teleop import COMMAND_BYTES
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.endpoints import check_listening, is_tls, split_endpoint
+from wallride.runtime.wire.ingress import MAX_ANSWER_B, MAX_INCOMING_B, downsampling, droppable_answers, low_pass_filter
+from wallride.runtime.wire.rmw_zenoh import GRAPH, LATCHED_SUFFIX, MAX_DRIVE_B, ROS2_PLANNER, RosAccess
+from wallride.runtime.wire.teleop import COMMAND_BYTES
 
 LEASE_MS = 1000
 KEEP_ALIVES_PER_LEASE = 4
@@ -23,7 +23,7 @@ CONNECT_TIMEOUT_MS = 1000
 ACCEPT_TIMEOUT_MS = 3000
 """Maximum time from a connection to a session with rights; a silent one holds a place for so long."""
 MAX_SESSIONS = 64
-"""Maximum number of clients at once; each of them has its own limits (runtime.wire.ingress)."""
+"""Maximum number of clients at once; each of them has its own limits (wallride.runtime.wire.ingress)."""
 MAX_BLOCKED_US = 50_000
 """Maximum time for which a client that does not read may hold up a thread of the car; then its session ends. With
 zenoh's own 5 s it could hold up the loop as well: messages of one priority to one client wait for each other."""

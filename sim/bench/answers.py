@@ -12,8 +12,8 @@ from statistics import median
 
 import numpy as np
 
-from sim.bench.devices import MotorCommand
-from sim.bench.rig import SentScan
+from wallride.sim.bench.devices import MotorCommand
+from wallride.sim.bench.rig import SentScan
 
 
 @dataclass(slots=True)

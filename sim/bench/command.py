@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from sim.bench import measure
-from sim.bench.medians import median_of
-from sim.bench.rig import BenchError
+from wallride.sim.bench import measure
+from wallride.sim.bench.medians import median_of
+from wallride.sim.bench.rig import BenchError
 
 Measurement = Callable[[measure.MeasurementPlan], dict[str, Any]]
 MEASUREMENTS: Final[Mapping[str, Measurement]] = {
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json is not None:
         _write(options.json, {"measurement": options.measurement, **machine(), "medians": medians, "runs": runs})
     if options.plot is not None and samples_ms:
-        from sim.bench.picture import histogram
+        from wallride.sim.bench.picture import histogram
 
         histogram(options.plot / "latency.png", "scan bytes to motor bytes", {"wallride": samples_ms})
     return FAILED if options.measurement == "latency" and medians["onsets"]["slipped"] else 0

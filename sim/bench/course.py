@@ -11,12 +11,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from sim.devices.scip_encode import SensorModel, encode_number, encode_samples, sum_character
-from sim.lab.laws import build
-from sim.virtual.closed_loop import Case, drive
-from sim.world.beams import LidarSettings, scan
-from sim.world.pose import Pose, Twist
-from sim.world.worlds import load_world
+from wallride.sim.devices.scip_encode import SensorModel, encode_number, encode_samples, sum_character
+from wallride.sim.lab.laws import build
+from wallride.sim.virtual.closed_loop import Case, drive
+from wallride.sim.world.beams import LidarSettings, scan
+from wallride.sim.world.pose import Pose, Twist
+from wallride.sim.world.worlds import load_world
 
 SHIFT_M: Final = 0.05
 BOARD_AHEAD_M: Final = 0.30

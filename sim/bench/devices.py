@@ -1,6 +1,6 @@
 """Lidar and motor controller of a benchmark: one thread, blocking, no event loop between a byte and its time.
 
-Their state machines are those of the emulators in `sim.devices`; only the input and output path is shorter.
+Their state machines are those of the emulators in `wallride.sim.devices`; only the input and output path is shorter.
 """
 
 import select
@@ -8,14 +8,14 @@ import time
 from dataclasses import dataclass, field
 from typing import Final
 
-from drivers.vesc import codec
-from drivers.vesc.codec import MOTOR_PACKETS, Packet
-from drivers.vesc.settings import VescSettings
-from sim.bench.course import Picture
-from sim.bench.ports import BenchTcpPort
-from sim.devices.scip_encode import SensorModel
-from sim.devices.scip_sensor import ScipSensor
-from sim.devices.vesc_replies import firmware_reply, values_reply
+from wallride.drivers.vesc import codec
+from wallride.drivers.vesc.codec import MOTOR_PACKETS, Packet
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.sim.bench.course import Picture
+from wallride.sim.bench.ports import BenchTcpPort
+from wallride.sim.devices.scip_encode import SensorModel
+from wallride.sim.devices.scip_sensor import ScipSensor
+from wallride.sim.devices.vesc_replies import firmware_reply, values_reply
 
 FIRMWARE: Final = (6, 5)
 _GAIN: Final = VescSettings().speed_to_erpm_gain

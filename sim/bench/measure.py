@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from sim.bench.answers import onsets, pair
-from sim.bench.cost import Cost, ProcessMeter
-from sim.bench.course import BenchScans, make_course
-from sim.bench.rig import BenchError, Rig, SentScan
+from wallride.sim.bench.answers import onsets, pair
+from wallride.sim.bench.cost import Cost, ProcessMeter
+from wallride.sim.bench.course import BenchScans, make_course
+from wallride.sim.bench.rig import BenchError, Rig, SentScan
 
 RATE_HZ = 40.0
 ONSET_EVERY = 20

@@ -16,10 +16,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from runtime.wire.ports import free_endpoint
-from sim.bench.course import BenchScans
-from sim.bench.devices import LidarPort, MotorCommand, MotorPort, Ports
-from sim.bench.ports import BenchTcpPort
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.sim.bench.course import BenchScans
+from wallride.sim.bench.devices import LidarPort, MotorCommand, MotorPort, Ports
+from wallride.sim.bench.ports import BenchTcpPort
 
 START_TIMEOUT_S: Final = 20.0
 STOP_TIMEOUT_S: Final = 5.0
@@ -159,7 +159,7 @@ class Rig:
         while not self.ports.lidar.streaming:
             self._check(give_up_s, "did not ask the lidar for scans")
             self.ports.serve_once(0.05)
-        listen = [sys.executable, "-m", "sim.bench.subscriber", self._endpoint, CAR]
+        listen = [sys.executable, "-m", "wallride.sim.bench.subscriber", self._endpoint, CAR]
         for _ in range(self._count):
             subscriber = subprocess.Popen(listen, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
             self._subscribers.append(subscriber)

@@ -15,14 +15,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from sim.car.vehicle import SpeedDemand, Vehicle
-from sim.world import compiled
-from sim.world.beams import LidarSettings, scan, true_ranges_m
-from sim.world.grid import GridGeometry
-from sim.world.place import World
-from sim.world.pose import CAR, Floats, Pose
-from sim.world.segments import cast_walls
-from sim.world.worlds import load_world
+from wallride.sim.car.vehicle import SpeedDemand, Vehicle
+from wallride.sim.world import compiled
+from wallride.sim.world.beams import LidarSettings, scan, true_ranges_m
+from wallride.sim.world.grid import GridGeometry
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import CAR, Floats, Pose
+from wallride.sim.world.segments import cast_walls
+from wallride.sim.world.worlds import load_world
 
 STEP_S: Final = 0.01
 SPEED_MPS, STEERING_RAD = 1.0, 0.05
@@ -74,7 +74,7 @@ def lines(figures: Mapping[str, Any]) -> list[str]:
 
 def run(options: argparse.Namespace) -> int:
     """Measure `options.runs` times (shortly: `options.short`), print medians, write `options.json`; 0."""
-    from sim.bench.medians import median_of
+    from wallride.sim.bench.medians import median_of
 
     seconds = 0.1 if options.short else 0.5
     runs = [simulator(seconds) for _ in range(options.runs or (1 if options.short else 3))]

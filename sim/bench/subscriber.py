@@ -7,8 +7,8 @@ import time
 from collections import Counter
 from typing import Any
 
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
 
 
 async def listen(endpoint: str, car: str) -> dict[str, Any]:

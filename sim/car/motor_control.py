@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from sim.car.vehicle_settings import VehicleSettings
+from wallride.sim.car.vehicle_settings import VehicleSettings
 
 
 @dataclass(frozen=True, slots=True)

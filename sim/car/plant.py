@@ -2,9 +2,9 @@
 
 import math
 
-from drivers.vesc.settings import VescSettings
-from sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle
-from sim.devices.vesc import MotorDemand, VescEmulator
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle
+from wallride.sim.devices.vesc import MotorDemand, VescEmulator
 
 STEP_S = 0.0025
 

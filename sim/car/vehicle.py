@@ -14,10 +14,10 @@ driving and braking force is shared like the load. Plain floats: numpy would be 
 
 from math import atan2, ceil, copysign, cos, hypot, remainder, sin, sqrt, tan, tau
 
-from sim.car.delay import DelayLine
-from sim.car.motor_control import COAST, BrakeDemand, CoastDemand, Demand, MotorControl, SpeedDemand
-from sim.car.vehicle_settings import VehicleSettings
-from sim.world.pose import Pose, Twist
+from wallride.sim.car.delay import DelayLine
+from wallride.sim.car.motor_control import COAST, BrakeDemand, CoastDemand, Demand, MotorControl, SpeedDemand
+from wallride.sim.car.vehicle_settings import VehicleSettings
+from wallride.sim.world.pose import Pose, Twist
 
 __all__ = ["BrakeDemand", "CoastDemand", "Demand", "SpeedDemand", "Vehicle", "VehicleSettings"]
 

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from drivers.vesc.settings import VescSettings
+from wallride.drivers.vesc.settings import VescSettings
 
 
 class WiringErrors(BaseModel):

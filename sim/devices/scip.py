@@ -13,10 +13,10 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from drivers.api import Clock
-from sim.devices.scip_encode import UST_10LX, SensorModel
-from sim.devices.scip_port import BytePort, SerialDoor, TcpPort
-from sim.devices.scip_sensor import ScipSensor
+from wallride.drivers.api import Clock
+from wallride.sim.devices.scip_encode import UST_10LX, SensorModel
+from wallride.sim.devices.scip_port import BytePort, SerialDoor, TcpPort
+from wallride.sim.devices.scip_sensor import ScipSensor
 
 _HELD_SCANS: Final = 400
 _GARBAGE_BYTES: Final = 200

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from drivers.api import Clock
-from sim.devices.scip_encode import (
+from wallride.drivers.api import Clock
+from wallride.sim.devices.scip_encode import (
     STAMP_WRAP_MS,
     SensorModel,
     cluster_minimum,

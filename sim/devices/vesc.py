@@ -15,13 +15,13 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
-from drivers.api import Clock
-from drivers.vesc import codec
-from drivers.vesc.codec import MOTOR_PACKETS, Packet
-from drivers.vesc.replies import STATUS_KILLED, STATUS_TIMED_OUT
-from sim.devices.vesc_config import CONTROLLER_ID, EmulatedAppConfig
-from sim.devices.vesc_logic import MotorDemand, VescLogic
-from sim.devices.vesc_replies import (
+from wallride.drivers.api import Clock
+from wallride.drivers.vesc import codec
+from wallride.drivers.vesc.codec import MOTOR_PACKETS, Packet
+from wallride.drivers.vesc.replies import STATUS_KILLED, STATUS_TIMED_OUT
+from wallride.sim.devices.vesc_config import CONTROLLER_ID, EmulatedAppConfig
+from wallride.sim.devices.vesc_logic import MotorDemand, VescLogic
+from wallride.sim.devices.vesc_replies import (
     Value,
     Version,
     firmware_reply,
@@ -171,7 +171,7 @@ class VescEmulator:
         return [payload for _, payload in self.wire if payload[0] in MOTOR_PACKETS]
 
     def report(self, erpm: float = 0.0, tachometer: int = 0, voltage_v: float = 11.8, **others: Value) -> None:
-        """Set the values of GET_VALUES; others: names of `drivers.vesc.replies.VALUE_FIELDS`.
+        """Set the values of GET_VALUES; others: names of `wallride.drivers.vesc.replies.VALUE_FIELDS`.
 
         tachometer: steps since the simulation began; what the wire carries starts at 0 with every reboot.
         """

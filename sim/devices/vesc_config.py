@@ -7,9 +7,9 @@ import random
 import struct
 from typing import Final, Literal
 
-from drivers.vesc.app_layouts import LAYOUTS
-from drivers.vesc.codec import Packet
-from sim.devices.vesc_replies import APP_SIGNATURES, Version
+from wallride.drivers.vesc.app_layouts import LAYOUTS
+from wallride.drivers.vesc.codec import Packet
+from wallride.sim.devices.vesc_replies import APP_SIGNATURES, Version
 
 UNKNOWN: Final = 1
 UNKNOWN_BYTES: Final = 278

@@ -7,7 +7,7 @@ import struct
 from dataclasses import dataclass
 from typing import Literal
 
-from drivers.vesc.codec import MOTOR_PACKETS, Packet
+from wallride.drivers.vesc.codec import MOTOR_PACKETS, Packet
 
 FAULT_STOP_S = 0.5
 NO_BRAKE_UNDER_A = 0.05

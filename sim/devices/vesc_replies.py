@@ -1,4 +1,4 @@
-"""Replies of an emulated VESC as payload bytes: the inverse of `drivers.vesc.replies`.
+"""Replies of an emulated VESC as payload bytes: the inverse of `wallride.drivers.vesc.replies`.
 
 The two share the tables of fields; the golden bytes in the tests verify both.
 """
@@ -6,8 +6,8 @@ The two share the tables of fields; the golden bytes in the tests verify both.
 import struct
 from collections.abc import Iterable, Mapping, Sequence
 
-from drivers.vesc.codec import Packet
-from drivers.vesc.replies import VALUE_FIELDS, VALUE_FIELDS_2X, ValueField
+from wallride.drivers.vesc.codec import Packet
+from wallride.drivers.vesc.replies import VALUE_FIELDS, VALUE_FIELDS_2X, ValueField
 
 Version = tuple[int, int]
 Value = float | Sequence[float]

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from sim.recordings.recording import CommandTrack
-from sim.world.pose import Floats
+from wallride.sim.recordings.recording import CommandTrack
+from wallride.sim.world.pose import Floats
 
 CLEAR_TURN_RAD = 0.05
 """Minimum steering of the recorded car at which its sign is significant."""

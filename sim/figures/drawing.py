@@ -9,9 +9,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from sim.figures.comparison import ComparedSteering
-from sim.world.place import World
-from sim.world.pose import CAR, Floats, Footprint, Pose
+from wallride.sim.figures.comparison import ComparedSteering
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import CAR, Floats, Footprint, Pose
 
 _DPI = 120
 _MARGIN_M = 1.0

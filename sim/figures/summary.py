@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from runtime.control.score import STANDING_BELOW_MPS
-from sim.world.pose import Floats
+from wallride.runtime.control.score import STANDING_BELOW_MPS
+from wallride.sim.world.pose import Floats
 
 SETTLE_BAND_M = 0.05
 SETTLED_FOR_S = 2.0

@@ -7,8 +7,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from sim.fit.estimate import CarEstimate, conditions_text, distance, estimate, rows
-from sim.recordings import RecordingError
+from wallride.sim.fit.estimate import CarEstimate, conditions_text, distance, estimate, rows
+from wallride.sim.recordings import RecordingError
 
 USAGE_ERROR = 2
 _PIPE_WIDTH = 160

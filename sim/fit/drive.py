@@ -7,10 +7,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from runtime.calibration.responses import CommandSteps
-from sim.lab.recorded.scan_motion import motion_of
-from sim.recordings import CommandTrack, OdometryTrack, Recording
-from sim.world.pose import Floats
+from wallride.runtime.calibration.responses import CommandSteps
+from wallride.sim.lab.recorded.scan_motion import motion_of
+from wallride.sim.recordings import CommandTrack, OdometryTrack, Recording
+from wallride.sim.world.pose import Floats
 
 MAX_GAP_S = 0.15
 SETTLES_S = 1.0

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.calibration.responses import (
+from wallride.runtime.calibration.responses import (
     INTERVAL,
     CommandSteps,
     Estimate,
@@ -13,8 +13,8 @@ from runtime.calibration.responses import (
     fit_response,
     unidentified,
 )
-from sim.fit.drive import MAX_GAP_S, RecordedDrive
-from sim.recordings import OdometryTrack
+from wallride.sim.fit.drive import MAX_GAP_S, RecordedDrive
+from wallride.sim.recordings import OdometryTrack
 
 GRAVITY_MPS2 = 9.81
 MIN_SPEED_MPS = 0.3

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.calibration.responses import Estimate
-from sim.car.vehicle_settings import VehicleSettings
-from sim.fit.drive import RecordedDrive, join, read_drive
-from sim.fit.driving import DriveFit, fit_drive
-from sim.fit.sensor import SensorFit, fit_sensor
-from sim.fit.steering import SteeringFit, fit_steering
-from sim.recordings import load_recording
+from wallride.runtime.calibration.responses import Estimate
+from wallride.sim.car.vehicle_settings import VehicleSettings
+from wallride.sim.fit.drive import RecordedDrive, join, read_drive
+from wallride.sim.fit.driving import DriveFit, fit_drive
+from wallride.sim.fit.sensor import SensorFit, fit_sensor
+from wallride.sim.fit.steering import SteeringFit, fit_steering
+from wallride.sim.recordings import load_recording
 
 MIN_PART_SHARE = 0.3
 

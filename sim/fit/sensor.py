@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.calibration.near_parts import SIGMA_PER_MAD, near_parts_m, sectors
-from sim.recordings import Recording
-from sim.world.own_parts import OWN_PARTS, profile
-from sim.world.pose import Booleans, Floats
+from wallride.runtime.calibration.near_parts import SIGMA_PER_MAD, near_parts_m, sectors
+from wallride.sim.recordings import Recording
+from wallride.sim.world.own_parts import OWN_PARTS, profile
+from wallride.sim.world.pose import Booleans, Floats
 
 MAX_RANGE_M = 8.0
 SMOOTH_M = 0.1

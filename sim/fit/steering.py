@@ -10,9 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.calibration.responses import CommandSteps, Estimate, ResponseFit, Samples, fit_response, unidentified
-from sim.fit.drive import RecordedDrive
-from sim.fit.yaw_lag import simulated_angles
+from wallride.runtime.calibration.responses import (
+    CommandSteps,
+    Estimate,
+    ResponseFit,
+    Samples,
+    fit_response,
+    unidentified,
+)
+from wallride.sim.fit.drive import RecordedDrive
+from wallride.sim.fit.yaw_lag import simulated_angles
 
 MIN_SPEED_MPS = 0.3
 MAX_ANGLE_RAD = 0.6

@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from runtime.calibration.responses import CommandSteps, Samples
-from sim.car.vehicle import SpeedDemand, Vehicle, VehicleSettings
-from sim.world.pose import Floats, Pose
+from wallride.runtime.calibration.responses import CommandSteps, Samples
+from wallride.sim.car.vehicle import SpeedDemand, Vehicle, VehicleSettings
+from wallride.sim.world.pose import Floats, Pose
 
 STEP_S = 0.0025
 EXACT_DRIVE = VehicleSettings(drive_delay_s=0.0, speed_lag_s=0.01, ramp_mps2=50.0, drive_limit_mps2=50.0)

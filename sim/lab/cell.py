@@ -5,8 +5,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from sim.world.own_parts import kind_of
-from sim.world.pose import Side
+from wallride.sim.world.own_parts import kind_of
+from wallride.sim.world.pose import Side
 
 DESIRED_M = 1.0
 """Distance to the wall that is requested by default."""
@@ -18,11 +18,11 @@ Figures = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One run. law: a name of `sim.lab.laws`. speed_mps: the requested speed; the law may choose less.
+    """One run. law: a name of `wallride.sim.lab.laws`. speed_mps: the requested speed; the law may choose less.
 
-    desired_m: requested distance to the wall. own_parts: of the car, see `sim.world.own_parts`. settings: KEY=VALUE
-    texts on top of the default settings. conditions: of the simulated car, on top of the course's own, as
-    `sim.scenario.conditions.named_conditions` returns them.
+    desired_m: requested distance to the wall. own_parts: of the car, see `wallride.sim.world.own_parts`. settings:
+    KEY=VALUE texts on top of the default settings. conditions: of the simulated car, on top of the course's own, as
+    `wallride.sim.scenario.conditions.named_conditions` returns them.
     """
 
     experiment: str

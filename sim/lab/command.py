@@ -13,16 +13,16 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from runtime.settings.tree import SettingsError
-from sim.lab import laws
-from sim.lab.cell import DESIRED_M, Cell, CellChoice, Figures, TabledCell
-from sim.lab.laps import maps_in
-from sim.lab.pool import experiment, measure_all
-from sim.lab.recordings import ENDINGS, recordings_in
-from sim.scenario.conditions import ConditionsError, RequestedConditions, named_conditions, named_once
-from sim.world.map_file import check_map
-from sim.world.own_parts import OWN_PARTS
-from sim.world.pose import Side
+from wallride.runtime.settings.tree import SettingsError
+from wallride.sim.lab import laws
+from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Figures, TabledCell
+from wallride.sim.lab.laps import maps_in
+from wallride.sim.lab.pool import experiment, measure_all
+from wallride.sim.lab.recordings import ENDINGS, recordings_in
+from wallride.sim.scenario.conditions import ConditionsError, RequestedConditions, named_conditions, named_once
+from wallride.sim.world.map_file import check_map
+from wallride.sim.world.own_parts import OWN_PARTS
+from wallride.sim.world.pose import Side
 
 FAILED = 1
 USAGE_ERROR = 2

@@ -1,7 +1,7 @@
 """`lab corners`: corners and corridors of real buildings, and straight lanes that turn into a narrower one.
 
-Buildings: the places of `sim.lab.building_places` on the maps, 9 m each. With `--method ball,prototype` each run is
-compared with the prototype's on the same course, floor, side and seed, for places tuned on and places held out.
+Buildings: the places of `wallride.sim.lab.building_places` on the maps, 9 m each. With `--method ball,prototype` each
+run is compared with the prototype's on the same course, floor, side and seed, for places tuned on and places held out.
 
 Lanes: 8 m of a lane FIRST_LANE_M wide, of which the car drives 6 m, then a corner by an angle into a lane of another
 width. "out": away from the followed wall (an inside corner), "in": round it (an outside corner).
@@ -14,16 +14,16 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.car.vehicle import VehicleSettings
-from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
-from sim.lab.courses.building_places import BuildingStart, building, is_held_out, places_on
-from sim.lab.figures import Row, chosen, common, distinct, errors, number, text
-from sim.lab.laws import drive_case
-from sim.lab.tables import by_law
-from sim.virtual.closed_loop import Case, SimulatedRun
-from sim.world.place import World
-from sim.world.pose import Pose, Side
-from sim.world.segments import SegmentGeometry, chain
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.courses.building_places import BuildingStart, building, is_held_out, places_on
+from wallride.sim.lab.figures import Row, chosen, common, distinct, errors, number, text
+from wallride.sim.lab.laws import drive_case
+from wallride.sim.lab.tables import by_law
+from wallride.sim.virtual.closed_loop import Case, SimulatedRun
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Pose, Side
+from wallride.sim.world.segments import SegmentGeometry, chain
 
 WAY_M = 9.0
 MAX_SPEED_MPS = 3.0

@@ -11,21 +11,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.api import MotorState, Scan
-from runtime.arbitration.command import SafetyAssessment, Verdict
-from runtime.control.guidance import Guard
-from sim.car.vehicle import GRAVITY_MPS2, VehicleSettings
-from sim.lab import laws
-from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
-from sim.lab.courses.walls import world_of
-from sim.lab.figures import TOUCH_ABOVE_MPS, Row, chosen, common, distinct, number, text, worst
-from sim.lab.laws import drive_case
-from sim.lab.safety import stopping_m
-from sim.lab.tables import by_law
-from sim.virtual.closed_loop import ROUGH_BEAMS, Case, SimulatedRun, drive
-from sim.world.beams import NO_RETURN_MM, LidarSettings, Millimetres
-from sim.world.obstacles import ConstantMotion, Obstacle, Round, StandingObstacle, person
-from sim.world.pose import CAR, Pose
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.arbitration.command import SafetyAssessment, Verdict
+from wallride.runtime.control.guidance import Guard
+from wallride.sim.car.vehicle import GRAVITY_MPS2, VehicleSettings
+from wallride.sim.lab import laws
+from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.courses.walls import world_of
+from wallride.sim.lab.figures import TOUCH_ABOVE_MPS, Row, chosen, common, distinct, number, text, worst
+from wallride.sim.lab.laws import drive_case
+from wallride.sim.lab.safety import stopping_m
+from wallride.sim.lab.tables import by_law
+from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, Case, SimulatedRun, drive
+from wallride.sim.world.beams import NO_RETURN_MM, LidarSettings, Millimetres
+from wallride.sim.world.obstacles import ConstantMotion, Obstacle, Round, StandingObstacle, person
+from wallride.sim.world.pose import CAR, Pose
 
 COVERS_MM = (3, 30, 60, 85, 100, 120, 140, 160, 170, None)
 """Ranges of the covered beams; None: no return."""

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from runtime.arbitration.command import Source
-from sim.lab.cell import Figures
-from sim.virtual.closed_loop import SimulatedRun
-from sim.world.pose import Floats
+from wallride.runtime.arbitration.command import Source
+from wallride.sim.lab.cell import Figures
+from wallride.sim.virtual.closed_loop import SimulatedRun
+from wallride.sim.world.pose import Floats
 
 SETTLE_BAND_M = 0.05
 STEADY_WAY = 0.25
@@ -40,7 +40,7 @@ def common(run: SimulatedRun) -> Figures:
 def errors(run: SimulatedRun) -> Figures:
     """Return the true errors of following the wall, from the rear axle; each scan counts.
 
-    Not the lab report's error, which is by its law's own distance: `sim.lab.report.drives` has both.
+    Not the lab report's error, which is by its law's own distance: `wallride.sim.lab.report.drives` has both.
     """
     seen = np.isfinite(run.wall_m)
     error_m, time_s = run.error_m[seen], run.time_s[seen]

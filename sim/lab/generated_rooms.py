@@ -1,23 +1,23 @@
 """`lab rooms --generated`: rooms generated from a seed, driven by the complete laws, and whether a way on existed.
 
-A run lasts a minute. For a car that stands for good the search over poses (`sim.way_on`) determines whether a way on
-existed from its place; every other car has shown that one did.
+A run lasts a minute. For a car that stands for good the search over poses (`wallride.sim.way_on`) determines whether a
+way on existed from its place; every other car has shown that one did.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from sim.car.vehicle import VehicleSettings
-from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
-from sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
-from sim.lab.rooms import GIVEN_UP_S, STANDS_BELOW_MPS, STUCK_S, build, tries
-from sim.lab.tables import by_law
-from sim.virtual.closed_loop import Case, SimulatedRun, drive
-from sim.virtual.way_on import way_on
-from sim.world.generated_rooms import generated_room, kind_of
-from sim.world.pose import Pose
-from sim.world.segments import SegmentGeometry
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
+from wallride.sim.lab.rooms import GIVEN_UP_S, STANDS_BELOW_MPS, STUCK_S, build, tries
+from wallride.sim.lab.tables import by_law
+from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
+from wallride.sim.virtual.way_on import way_on
+from wallride.sim.world.generated_rooms import generated_room, kind_of
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.segments import SegmentGeometry
 
 DURATION_S = 60.0
 MAX_SPEED_MPS = 3.0

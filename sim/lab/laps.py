@@ -4,21 +4,21 @@ from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
-from sim.car.vehicle import VehicleSettings
-from sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
-from sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text
-from sim.lab.laws import drive_case
-from sim.lab.tables import by_law_and_friction, speed_table
-from sim.virtual.closed_loop import Case, SimulatedRun
-from sim.world.generated_tracks import generated_track
-from sim.world.lap import LapCounter
-from sim.world.place import World
-from sim.world.pose import Side
-from sim.world.worlds import load_world
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text
+from wallride.sim.lab.laws import drive_case
+from wallride.sim.lab.tables import by_law_and_friction, speed_table
+from wallride.sim.virtual.closed_loop import Case, SimulatedRun
+from wallride.sim.world.generated_tracks import generated_track
+from wallride.sim.world.lap import LapCounter
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Side
+from wallride.sim.world.worlds import load_world
 
 LOOPS = ("loop", "loop_inner")
 GENERATED = ("generated outer", "generated inner")
-"""Tracks generated from the seed (`sim.world.generated_tracks`), the followed wall being the outer or the inner one."""
+"""Tracks generated from the seed (`wallride.sim.world.generated_tracks`); the followed wall is outer or inner."""
 LAPS = 3
 """Number of laps, the first from a standstill; the best of the others counts."""
 FOLLOWED_S = 60.0

@@ -1,24 +1,24 @@
 """Laws under test by name: the only place of the lab that constructs them.
 
 "ball" is a follower with the safety that belongs to it; "ball+report" names both; "report+none" drives without safety.
-"prototype" is a baseline that only the lab has (`sim.lab.courses.prototype`). "my_laws:Follower" is a class of the
-user, and "my_laws:Follower+my_laws:Guard" one of the user's safety laws beside the car's own.
+"prototype" is a baseline that only the lab has (`wallride.sim.lab.courses.prototype`). "my_laws:Follower" is a class of
+the user, and "my_laws:Follower+my_laws:Guard" one of the user's safety laws beside the car's own.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from runtime.control import methods
-from runtime.control.guidance import Follower, Guard
-from runtime.control.own_laws.law_class import is_own, load_law
-from runtime.control.perception.view import PerceptionCache
-from runtime.settings.tree import Settings, load_settings
-from sim.lab.cell import Cell
-from sim.lab.courses.prototype import Prototype
-from sim.scenario.conditions import put_on_top
-from sim.virtual.closed_loop import Case, SimulatedRun, drive
-from sim.world.pose import Side
+from wallride.runtime.control import methods
+from wallride.runtime.control.guidance import Follower, Guard
+from wallride.runtime.control.own_laws.law_class import is_own, load_law
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.settings.tree import Settings, load_settings
+from wallride.sim.lab.cell import Cell
+from wallride.sim.lab.courses.prototype import Prototype
+from wallride.sim.scenario.conditions import put_on_top
+from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
+from wallride.sim.world.pose import Side
 
 GUARD_OF = {"report": "report", "ball": "swept", "prototype": "swept"}
 """Guard of every follower on the car."""

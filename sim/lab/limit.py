@@ -1,21 +1,22 @@
 """Minimum mean error that any steering could reach: the reference for a run's figures.
 
 Most of a run's mean error is the way from its start to the wanted distance, which no law can save. The limit is found
-by optimal control of a car with full knowledge of the course: the single-track model of `sim.car.vehicle` at constant
-speed (same tyres, same grip, same yaw inertia), with the steering's stop and its rate. The wheels do not move before
-the answer to the first scan can reach them: `delay_s`, the 20 ms to the wire and the servo's 20 ms of every clean run.
-Advantages of the limit over a law: no noise, the whole way known, an exact vehicle model.
+by optimal control of a car with full knowledge of the course: the single-track model of `wallride.sim.car.vehicle` at
+constant speed (same tyres, same grip, same yaw inertia), with the steering's stop and its rate. The wheels do not move
+before the answer to the first scan can reach them: `delay_s`, the 20 ms to the wire and the servo's 20 ms of every
+clean run. Advantages of the limit over a law: no noise, the whole way known, an exact vehicle model.
 
 Minimised is the mean of |distance - wanted| at the moments of the scans, the first one at the start included: exactly
-what `sim.lab.figures` calls the mean error. (The start counts: half a metre at one scan of 114 is 4 mm of 38.) It is
-done by sequential linear programming (Nocedal & Wright, Numerical Optimization, 2nd ed., chapter 18; Fletcher & Sainz
-de la Maza 1989): near the present path the errors are linear in small changes of the steering, their absolute sum is a
-linear programme, so are all bounds, and a trust region keeps the changes small. The result is a feasible path, so the
-true limit can be lower but not higher. Contact is no part of the problem, only noticed afterwards. A law that drives
-slower than asked can be better than the limit at that speed.
+what `wallride.sim.lab.figures` calls the mean error. (The start counts: half a metre at one scan of 114 is 4 mm of 38.)
+It is done by sequential linear programming (Nocedal & Wright, Numerical Optimization, 2nd ed., chapter 18; Fletcher &
+Sainz de la Maza 1989): near the present path the errors are linear in small changes of the steering, their absolute sum
+is a linear programme, so are all bounds, and a trust region keeps the changes small. The result is a feasible path, so
+the true limit can be lower but not higher. Contact is no part of the problem, only noticed afterwards. A law that
+drives slower than asked can be better than the limit at that speed.
 
-`driven_mean_error_m` goes on from there with `sim.car.vehicle` itself, whose speed sags and whose load shifts in bends.
-That takes half a minute and raises the answer by 0 to 5 %: for figures that a law is measured against to the percent.
+`driven_mean_error_m` goes on from there with `wallride.sim.car.vehicle` itself, whose speed sags and whose load shifts
+in bends. That takes half a minute and raises the answer by 0 to 5 %: for figures that a law is measured against to the
+percent.
 """
 
 import math
@@ -27,10 +28,10 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import csr_array, eye_array, hstack, vstack
 
-from sim.car.vehicle import GRAVITY_MPS2, SpeedDemand, Vehicle
-from sim.car.vehicle_settings import VehicleSettings
-from sim.world.pose import CAR, Floats, Pose
-from sim.world.segments import SegmentGeometry
+from wallride.sim.car.vehicle import GRAVITY_MPS2, SpeedDemand, Vehicle
+from wallride.sim.car.vehicle_settings import VehicleSettings
+from wallride.sim.world.pose import CAR, Floats, Pose
+from wallride.sim.world.segments import SegmentGeometry
 
 KNOT_M = 0.1
 """Distance between two knots of the steering, which is linear between them."""

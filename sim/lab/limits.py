@@ -1,4 +1,6 @@
-"""The physical limits of the standard cells, computed once and kept: `python -m sim.lab.limits` completes the file.
+"""The physical limits of the standard cells, computed once and kept in a file.
+
+`python -m wallride.sim.lab.limits` completes the file.
 
 The report's tests, t1 to t5, at DRIVEN_MU, where laws are measured to the percent, come from `driven_mean_error_m`, all
 others from `least_mean_error_m`.
@@ -11,9 +13,9 @@ from functools import lru_cache
 from itertools import product
 from pathlib import Path
 
-from sim.lab.cell import DESIRED_M
-from sim.lab.courses.walls import COURSES, REPORT_COURSES, limit_task
-from sim.lab.limit import Task, driven_mean_error_m, least_mean_error_m
+from wallride.sim.lab.cell import DESIRED_M
+from wallride.sim.lab.courses.walls import COURSES, REPORT_COURSES, limit_task
+from wallride.sim.lab.limit import Task, driven_mean_error_m, least_mean_error_m
 
 FILE = Path(__file__).with_name("limits.json")
 SPEEDS_MPS = (1.0, 2.0, 3.0, 4.0)

@@ -9,9 +9,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from sim.lab.cell import Cell, Experiment, Figures
-from sim.lab.workers.finished_cell import Ends
-from sim.lab.workers.submit import submit
+from wallride.sim.lab.cell import Cell, Experiment, Figures
+from wallride.sim.lab.workers.finished_cell import Ends
+from wallride.sim.lab.workers.submit import submit
 
 EXPERIMENTS = (
     "walls", "corners", "safety", "hazards", "laps", "window", "covers", "rooms", "recordings", "stories",
@@ -33,7 +33,7 @@ class Measuring:
         chosen = experiment(cell.experiment)
         figures = cell.named(chosen.measure(cell))
         if self.plots is not None:
-            from sim.lab.picture import save
+            from wallride.sim.lab.picture import save
 
             (chosen.plot or save)(self.plots, cell, figures)
         return figures
@@ -41,7 +41,7 @@ class Measuring:
 
 def experiment(name: str) -> Experiment:
     """Return an experiment by its name."""
-    found: Experiment = import_module(f"sim.lab.{name}").EXPERIMENT
+    found: Experiment = import_module(f"wallride.sim.lab.{name}").EXPERIMENT
     return found
 
 

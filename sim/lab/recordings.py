@@ -1,6 +1,6 @@
 """`lab recordings`: perception and safety on real recordings: noise, window, braking, and needless stops.
 
-Most recordings lack the car's odometry; its motion is estimated from the scans (`sim.lab.scan_motion`).
+Most recordings lack the car's odometry; its motion is estimated from the scans (`wallride.sim.lab.scan_motion`).
 """
 
 from collections.abc import Sequence
@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
-from sim.lab.figures import Row, number, text
-from sim.lab.recorded.episodes import episodes
-from sim.lab.recorded.first_scan import first_offsets_m
-from sim.lab.recorded.reenact import reenact, run_at_wall
-from sim.lab.recorded.replay import Replay, better_side, jumps, noise, replay
-from sim.recordings import Recording, RecordingError, load_recording
+from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.figures import Row, number, text
+from wallride.sim.lab.recorded.episodes import episodes
+from wallride.sim.lab.recorded.first_scan import first_offsets_m
+from wallride.sim.lab.recorded.reenact import reenact, run_at_wall
+from wallride.sim.lab.recorded.replay import Replay, better_side, jumps, noise, replay
+from wallride.sim.recordings import Recording, RecordingError, load_recording
 
 FOREIGN_SHARE = 0.05
 """Minimum share of stamps that jump back at which several lidars publish on one topic; less is a hiccup."""
@@ -245,7 +245,7 @@ def plot(folder: Path, cell: Cell, figures: Figures) -> None:
     """Draw every interference, and the window if it has a finding."""
     if figures["skipped"]:
         return
-    from sim.lab.recorded.recording_pictures import save_episode, save_window
+    from wallride.sim.lab.recorded.recording_pictures import save_episode, save_window
 
     done = run(cell)
     for place, episode in enumerate(episodes(done)):

@@ -12,20 +12,20 @@ from itertools import pairwise
 
 import numpy as np
 
-from runtime.control import methods
-from runtime.control.guidance import Follower, Guard
-from runtime.settings.tree import load_settings
-from sim.car.vehicle import GRAVITY_MPS2, VehicleSettings
-from sim.lab import laws
-from sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
-from sim.lab.courses.walls import world_of
-from sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
-from sim.lab.safety import stopping_m
-from sim.lab.tables import by_law
-from sim.virtual.closed_loop import Case, SimulatedRun, drive
-from sim.world.obstacles import ConstantMotion, Obstacle, Round, StandingObstacle, person
-from sim.world.pose import CAR, Booleans, Floats, Pose
-from sim.world.worlds import load_world
+from wallride.runtime.control import methods
+from wallride.runtime.control.guidance import Follower, Guard
+from wallride.runtime.settings.tree import load_settings
+from wallride.sim.car.vehicle import GRAVITY_MPS2, VehicleSettings
+from wallride.sim.lab import laws
+from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.courses.walls import world_of
+from wallride.sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
+from wallride.sim.lab.safety import stopping_m
+from wallride.sim.lab.tables import by_law
+from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
+from wallride.sim.world.obstacles import ConstantMotion, Obstacle, Round, StandingObstacle, person
+from wallride.sim.world.pose import CAR, Booleans, Floats, Pose
+from wallride.sim.world.worlds import load_world
 
 ROOMS = 12
 CLUTTER_S = 60.0

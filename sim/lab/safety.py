@@ -1,9 +1,9 @@
 """`lab safety`: obstacles that appear 0.3 to 0.9 m before the lidar of a car at 1 to 4 m/s.
 
 Speeds and distances are the lab report's 28; it does not say what was put into the way, where beside, nor who drove.
-Three drivers meet them (`sim.lab.courses.sudden`): a blind one, the car's own follower, and a human who swerves.
-Physics is that of a straight full brake; the human's car already rotates and hits with a corner first, so it is
-compared with itself, braked in full on the first scan, where that is worse.
+Three drivers meet them (`wallride.sim.lab.courses.sudden`): a blind one, the car's own follower, and a human who
+swerves. Physics is that of a straight full brake; the human's car already rotates and hits with a corner first, so it
+is compared with itself, braked in full on the first scan, where that is worse.
 
 Most of them no car could stop for. What a brake can do (control-and-safety notes, section 1), with the gap counted from
 the bumper and t the time from the scan's last byte to the brake's bite:
@@ -17,15 +17,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sim.car.vehicle import GRAVITY_MPS2
-from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
-from sim.lab.courses.sudden import FullBrake, SuddenRun, case_of, navigator_of, scenarios
-from sim.lab.figures import Row, chosen, common, distinct, number, worst
-from sim.lab.laws import drive_case
-from sim.lab.tables import by_law_and_friction, speed_table
-from sim.virtual.closed_loop import SimulatedRun
-from sim.world.obstacles import LIDAR_AHEAD_M
-from sim.world.pose import CAR
+from wallride.sim.car.vehicle import GRAVITY_MPS2
+from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.courses.sudden import FullBrake, SuddenRun, case_of, navigator_of, scenarios
+from wallride.sim.lab.figures import Row, chosen, common, distinct, number, worst
+from wallride.sim.lab.laws import drive_case
+from wallride.sim.lab.tables import by_law_and_friction, speed_table
+from wallride.sim.virtual.closed_loop import SimulatedRun
+from wallride.sim.world.obstacles import LIDAR_AHEAD_M
+from wallride.sim.world.pose import CAR
 
 DISTANCES_M = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 EXCESS_MPS = 0.15

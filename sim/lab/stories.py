@@ -1,8 +1,8 @@
 """`lab stories`: the whole process in virtual time: its own tasks and default laws, in-memory devices, a world.
 
-The closed loop of the other experiments calls the laws one after the other; here the unmodified `runtime.app.Car` runs,
-with its queues, expiries, permit and health monitor, and an event loop whose clock jumps. Each story reports the
-expected and the actual result.
+The closed loop of the other experiments calls the laws one after the other; here the unmodified
+`wallride.runtime.app.Car` runs, with its queues, expiries, permit and health monitor, and an event loop whose clock
+jumps. Each story reports the expected and the actual result.
 """
 
 import asyncio
@@ -13,22 +13,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drivers.api import Drive
-from runtime.app import Car
-from runtime.arbitration.command import DriveCommand, Source
-from runtime.settings.tree import Settings
-from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
-from sim.lab.courses.walls import SMUDGES
-from sim.lab.covers import Cover
-from sim.lab.figures import TOUCH_ABOVE_MPS, Row, number, text
-from sim.virtual.devices import MemoryBus
-from sim.virtual.twin_world import UNPLUGGED_AFTER_S, TwinWorld, WorldLidar, WorldMotor
-from sim.virtual.virtual_time import run_virtual
-from sim.world.beams import LidarSettings
-from sim.world.lap import LapCounter
-from sim.world.obstacles import ConstantMotion, Obstacle, person, sudden_box
-from sim.world.pose import Pose
-from sim.world.worlds import load_world
+from wallride.drivers.api import Drive
+from wallride.runtime.app import Car
+from wallride.runtime.arbitration.command import DriveCommand, Source
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.courses.walls import SMUDGES
+from wallride.sim.lab.covers import Cover
+from wallride.sim.lab.figures import TOUCH_ABOVE_MPS, Row, number, text
+from wallride.sim.virtual.devices import MemoryBus
+from wallride.sim.virtual.twin_world import UNPLUGGED_AFTER_S, TwinWorld, WorldLidar, WorldMotor
+from wallride.sim.virtual.virtual_time import run_virtual
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.lap import LapCounter
+from wallride.sim.world.obstacles import ConstantMotion, Obstacle, person, sudden_box
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.worlds import load_world
 
 STANDS_BELOW_MPS, GOES_ABOVE_MPS = 0.05, 0.25
 SAMPLED_EVERY_S = 0.025

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Iterator, Sequence
 
-from sim.lab.cell import TabledCell
-from sim.lab.figures import Row, chosen, distinct
+from wallride.sim.lab.cell import TabledCell
+from wallride.sim.lab.figures import Row, chosen, distinct
 
 Lines = Sequence[tuple[tuple[str, ...], Sequence[Row]]]
 """For each line of a table its first texts, and the rows of figures behind it."""

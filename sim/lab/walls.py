@@ -4,13 +4,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
-from sim.lab.courses.walls import ALL_COURSES, STRAIGHT_COURSES, case_of
-from sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text, worst
-from sim.lab.laws import drive_case
-from sim.lab.limits import DRIVEN_MU, REFERENCE_M, limit_m
-from sim.lab.tables import by_law_and_friction, speed_table
-from sim.virtual.closed_loop import SimulatedRun
+from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.courses.walls import ALL_COURSES, STRAIGHT_COURSES, case_of
+from wallride.sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text, worst
+from wallride.sim.lab.laws import drive_case
+from wallride.sim.lab.limits import DRIVEN_MU, REFERENCE_M, limit_m
+from wallride.sim.lab.tables import by_law_and_friction, speed_table
+from wallride.sim.virtual.closed_loop import SimulatedRun
 
 LOST_ABOVE_M = 0.5
 """Minimum error at the end of a run that lost its wall."""

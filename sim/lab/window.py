@@ -9,17 +9,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drivers.api import MotorState, Scan
-from runtime.arbitration.command import SafetyAssessment
-from runtime.control.safety.swept import SweptGuard
-from sim.car.vehicle import VehicleSettings
-from sim.lab import laws
-from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
-from sim.lab.courses.walls import world_of
-from sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
-from sim.virtual.closed_loop import Case, SimulatedRun, drive
-from sim.world.beams import LidarSettings
-from sim.world.pose import Booleans, Side
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.arbitration.command import SafetyAssessment
+from wallride.runtime.control.safety.swept import SweptGuard
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.lab import laws
+from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.courses.walls import world_of
+from wallride.sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
+from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.pose import Booleans, Side
 
 Sectors = tuple[tuple[float, float, float], ...]
 WINDOWS: dict[str, Sectors] = {

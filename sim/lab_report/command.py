@@ -11,16 +11,16 @@ from pathlib import Path
 
 from rich.console import Console
 
-from runtime.settings.tree import SettingsError
-from sim.lab import laws
-from sim.lab.cell import Cell, Figures
-from sim.lab.command import FAILED, INTERRUPTED, USAGE_ERROR
-from sim.lab.pool import measure_all
-from sim.lab.report.plan import REPORT_LAW, ReportPlan, first_round, second_round
-from sim.lab.report.tables import averaged
-from sim.lab_report.page import document, html_page, markdown_page
-from sim.scenario.conditions import ConditionsError, RequestedConditions, named_conditions, named_once
-from sim.world.own_parts import OWN_PARTS
+from wallride.runtime.settings.tree import SettingsError
+from wallride.sim.lab import laws
+from wallride.sim.lab.cell import Cell, Figures
+from wallride.sim.lab.command import FAILED, INTERRUPTED, USAGE_ERROR
+from wallride.sim.lab.pool import measure_all
+from wallride.sim.lab.report.plan import REPORT_LAW, ReportPlan, first_round, second_round
+from wallride.sim.lab.report.tables import averaged
+from wallride.sim.lab_report.page import document, html_page, markdown_page
+from wallride.sim.scenario.conditions import ConditionsError, RequestedConditions, named_conditions, named_once
+from wallride.sim.world.own_parts import OWN_PARTS
 
 LAWS = ("report", "law")
 """Prefixes of settings for the cars of one law."""

@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.figures.drawing import save_plot
-from sim.figures.summary import SETTLE_BAND_M
-from sim.lab.courses.walls import world_of
-from sim.lab.figures import Row
-from sim.lab.report.drives import ABOUT, read_scenario
-from sim.run_report.above import Above, from_above
-from sim.run_report.charts import WIDTH, ChartLine, over_time
-from sim.run_report.turn import turn_chart
-from sim.world.place import World
-from sim.world.pose import Floats, Pose
+from wallride.sim.figures.drawing import save_plot
+from wallride.sim.figures.summary import SETTLE_BAND_M
+from wallride.sim.lab.courses.walls import world_of
+from wallride.sim.lab.figures import Row
+from wallride.sim.lab.report.drives import ABOUT, read_scenario
+from wallride.sim.run_report.above import Above, from_above
+from wallride.sim.run_report.charts import WIDTH, ChartLine, over_time
+from wallride.sim.run_report.turn import turn_chart
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Floats, Pose
 
 DOT_EVERY_M = 0.04
 AROUND_M = 4.0

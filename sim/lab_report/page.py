@@ -5,17 +5,17 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-from sim.lab.cell import TabledCell
-from sim.lab.figures import Row
-from sim.lab.report import published
-from sim.lab.report.differences import differences
-from sim.lab.report.drives import ABOUT
-from sim.lab.report.gains import GainTable
-from sim.lab.report.plan import ReportPlan, gain_laws
-from sim.lab.report.tables import OPTIMUM, Rows, all_tables, cleared, gain_table_of, title_of
-from sim.lab_report.figures import error_chart, follower_of, path_view, save_figure, turn_chart_of
-from sim.run_report.page import section, still_document
-from sim.run_report.turn import ABOUT_TURN
+from wallride.sim.lab.cell import TabledCell
+from wallride.sim.lab.figures import Row
+from wallride.sim.lab.report import published
+from wallride.sim.lab.report.differences import differences
+from wallride.sim.lab.report.drives import ABOUT
+from wallride.sim.lab.report.gains import GainTable
+from wallride.sim.lab.report.plan import ReportPlan, gain_laws
+from wallride.sim.lab.report.tables import OPTIMUM, Rows, all_tables, cleared, gain_table_of, title_of
+from wallride.sim.lab_report.figures import error_chart, follower_of, path_view, save_figure, turn_chart_of
+from wallride.sim.run_report.page import section, still_document
+from wallride.sim.run_report.turn import ABOUT_TURN
 
 TITLE = "The lab report's evaluation, driven again"
 CODE = re.compile(r"`([^`]*)`")

@@ -12,29 +12,29 @@ from typing import Any
 
 from rich.console import Console
 
-from runtime.settings.tree import Settings, SettingsError, load_settings
-from sim.car.vehicle import Vehicle, VehicleSettings
-from sim.figures.comparison import compare
-from sim.live.drive_summary import HEARD, plot_drive, summarize, summary_table, write_summary
-from sim.live.fleet import build_fleet, fleet_summary, run_fleet, write_fleet
-from sim.live.live_conditions import LiveConditions
-from sim.live.live_keys import pressing
-from sim.live.record import Record
-from sim.live.saved_settings import saved_settings
-from sim.live.scenario_scene import ScenarioScene, read_scenario
-from sim.live.scenes import RecordingScene, WorldScene
-from sim.live.screen import LiveView, address_in, operate_hint, port_notice, starting
-from sim.live.session import USAGE_ERROR, RuntimeStart, SessionError, SimulatorSession
-from sim.live.stop_request import StopRequest
-from sim.recordings import RecordingError, load_recording
-from sim.scenario.command import tell
-from sim.scenario.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of
-from sim.scenario.driven import judge, mistakes_after
-from sim.scenario.scenario_file import MAX_START_TO_WALL_M, Scenario
-from sim.scenario.simulated_car import find_config
-from sim.scenario.toml_lines import FileMistakeError
-from sim.world.pose import Pose
-from sim.world.worlds import load_world
+from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
+from wallride.sim.car.vehicle import Vehicle, VehicleSettings
+from wallride.sim.figures.comparison import compare
+from wallride.sim.live.drive_summary import HEARD, plot_drive, summarize, summary_table, write_summary
+from wallride.sim.live.fleet import build_fleet, fleet_summary, run_fleet, write_fleet
+from wallride.sim.live.live_conditions import LiveConditions
+from wallride.sim.live.live_keys import pressing
+from wallride.sim.live.record import Record
+from wallride.sim.live.saved_settings import saved_settings
+from wallride.sim.live.scenario_scene import ScenarioScene, read_scenario
+from wallride.sim.live.scenes import RecordingScene, WorldScene
+from wallride.sim.live.screen import LiveView, address_in, operate_hint, port_notice, starting
+from wallride.sim.live.session import USAGE_ERROR, RuntimeStart, SessionError, SimulatorSession
+from wallride.sim.live.stop_request import StopRequest
+from wallride.sim.recordings import RecordingError, load_recording
+from wallride.sim.scenario.command import tell
+from wallride.sim.scenario.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of
+from wallride.sim.scenario.driven import judge, mistakes_after
+from wallride.sim.scenario.scenario_file import MAX_START_TO_WALL_M, Scenario
+from wallride.sim.scenario.simulated_car import find_config
+from wallride.sim.scenario.toml_lines import FileMistakeError
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.worlds import load_world
 
 DEFAULT_DURATION_S = 60.0
 MAX_LAP_S = 180.0
@@ -212,7 +212,7 @@ def _replay(
     record = _run(session, start, duration_s, stop, console, _view(options, None, vehicle, console))
     pairs = scene.pairs(answers_rad)
     if options.plot is not None:
-        from sim.figures.drawing import save_comparison
+        from wallride.sim.figures.drawing import save_comparison
 
         save_comparison(options.plot, pairs, f"{recording.name}: steering, {settings.wall_follow.side} wall")
     return {

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from runtime.arbitration.command import NO_WINNER
-from runtime.settings.tree import Settings
-from runtime.telemetry.screen_words import because
-from sim.figures.summary import device_faults
-from sim.live.record import Record
-from sim.world.place import World
+from wallride.runtime.arbitration.command import NO_WINNER
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.telemetry.screen_words import because
+from wallride.sim.figures.summary import device_faults
+from wallride.sim.live.record import Record
+from wallride.sim.world.place import World
 
 HEARD = "heard"
 """Value of telemetry in the summary: its statements about the runtime are that runtime's own."""
@@ -64,7 +64,7 @@ def write_summary(summary: dict[str, Any], target: str | None) -> None:
 
 def plot_drive(path: Path, world: World, record: Record, settings: Settings) -> None:
     """Write a picture of the way driven and the distance error."""
-    from sim.figures.drawing import save_plot
+    from wallride.sim.figures.drawing import save_plot
 
     samples, wanted_m = record.track.samples, record.wanted_m()
     track = np.array([[s.x_m, s.y_m, s.yaw_rad] for s in samples]).reshape(-1, 3)

@@ -12,13 +12,13 @@ from typing import Final
 import tomlkit
 from rich.console import Console
 
-from runtime.settings.tree import SettingsError, load_settings
-from sim.live.command import SimUsageError, build_scene
-from sim.live.emulated_car import DeviceAddresses, EmulatedCar, EmulatedPorts
-from sim.live.session import USAGE_ERROR, SessionError
-from sim.live.stop_request import StopRequest
-from sim.scenario.conditions import ConditionsError
-from sim.scenario.simulated_car import find_config
+from wallride.runtime.settings.tree import SettingsError, load_settings
+from wallride.sim.live.command import SimUsageError, build_scene
+from wallride.sim.live.emulated_car import DeviceAddresses, EmulatedCar, EmulatedPorts
+from wallride.sim.live.session import USAGE_ERROR, SessionError
+from wallride.sim.live.stop_request import StopRequest
+from wallride.sim.scenario.conditions import ConditionsError
+from wallride.sim.scenario.simulated_car import find_config
 
 CAR_CONFIG: Final = "config/car.toml"
 FOLDER: Final = "wallride/emulated"

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from drivers.vesc.settings import VescSettings
-from runtime.ending import end
-from runtime.realtime.periodic import PeriodicTimer
-from sim.car.plant import Plant
-from sim.car.vehicle import Vehicle
-from sim.devices.scip import ScipEmulator
-from sim.devices.vesc import VescEmulator
-from sim.live.scenes import WorldScene
-from sim.live.session import STAMP_MS, STEP_S, SessionError
-from sim.live.stop_request import StopRequest
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.runtime.ending import end
+from wallride.runtime.realtime.periodic import PeriodicTimer
+from wallride.sim.car.plant import Plant
+from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.devices.scip import ScipEmulator
+from wallride.sim.devices.vesc import VescEmulator
+from wallride.sim.live.scenes import WorldScene
+from wallride.sim.live.session import STAMP_MS, STEP_S, SessionError
+from wallride.sim.live.stop_request import StopRequest
 
 HOST: Final = "127.0.0.1"
 AGAIN_S: Final = 3.0

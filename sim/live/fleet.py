@@ -15,20 +15,20 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from runtime.settings.tree import Settings
-from runtime.wire.ports import free_endpoint
-from sim.car.vehicle import Vehicle
-from sim.figures.summary import device_faults
-from sim.live.record import Record
-from sim.live.runtime_process import WallrideProcess
-from sim.live.saved_settings import saved_settings
-from sim.live.scenes import WorldScene
-from sim.live.screen import port_notice
-from sim.live.session import RuntimeStart, SimulatorSession
-from sim.live.stop_request import StopRequest
-from sim.live.traffic import TrafficWorld, starts
-from sim.scenario.conditions import Conditions
-from sim.world.place import World
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.figures.summary import device_faults
+from wallride.sim.live.record import Record
+from wallride.sim.live.runtime_process import WallrideProcess
+from wallride.sim.live.saved_settings import saved_settings
+from wallride.sim.live.scenes import WorldScene
+from wallride.sim.live.screen import port_notice
+from wallride.sim.live.session import RuntimeStart, SimulatorSession
+from wallride.sim.live.stop_request import StopRequest
+from wallride.sim.live.traffic import TrafficWorld, starts
+from wallride.sim.scenario.conditions import Conditions
+from wallride.sim.world.place import World
 
 LOOK_EVERY_S = 0.1
 FIRST_CAR = "car1"

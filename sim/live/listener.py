@@ -7,10 +7,10 @@ from collections.abc import Awaitable, Mapping
 from functools import partial
 from typing import Any
 
-from runtime.parameters.history import SettingChange
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.network import RefusedError, Reply
+from wallride.runtime.parameters.history import SettingChange
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import RefusedError, Reply
 
 CONNECT_TIMEOUT_S = 15.0
 RETRY_S = 0.1

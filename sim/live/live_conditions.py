@@ -10,12 +10,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from runtime.wire import topics
-from runtime.wire.network import RefusedError
-from sim.car.vehicle import Vehicle
-from sim.scenario.conditions import Conditions, own_parts_fields, own_parts_kinds, own_parts_of
-from sim.world.beams import LidarSettings
-from sim.world.obstacles import LIDAR_AHEAD_M, ConstantMotion, Obstacle, Round, StandingObstacle, sudden_box
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.network import RefusedError
+from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.scenario.conditions import Conditions, own_parts_fields, own_parts_kinds, own_parts_of
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.obstacles import LIDAR_AHEAD_M, ConstantMotion, Obstacle, Round, StandingObstacle, sudden_box
 
 BOX_AHEAD_M = 1.0
 PERSON_AHEAD_M, PERSON_ASIDE_M, PERSON_MPS = 2.0, 1.5, 0.8

@@ -6,9 +6,9 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from sim.live.live_conditions import KEYS, LiveConditions
-from sim.live.stop_request import StopRequest
-from sim.replay.keys import single_keys
+from wallride.sim.live.live_conditions import KEYS, LiveConditions
+from wallride.sim.live.stop_request import StopRequest
+from wallride.sim.replay.keys import single_keys
 
 QUIT = "q"
 MAX_AT_ONCE = 64

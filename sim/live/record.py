@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from runtime.host.address_file import Address
-from runtime.parameters.history import SettingChange
-from sim.devices.vesc import MotorDemand
-from sim.figures.summary import DriveSums, Sample
-from sim.live.latency import LatencyProbe
+from wallride.runtime.host.address_file import Address
+from wallride.runtime.parameters.history import SettingChange
+from wallride.sim.devices.vesc import MotorDemand
+from wallride.sim.figures.summary import DriveSums, Sample
+from wallride.sim.live.latency import LatencyProbe
 
 DISTANCE = "wall_follow.desired_distance_m"
 MAX_TRACK = 20_000

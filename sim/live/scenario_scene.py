@@ -3,17 +3,17 @@
 import argparse
 from pathlib import Path
 
-from sim.car.vehicle import Vehicle
-from sim.devices.scip import ScipEmulator
-from sim.devices.vesc import VescEmulator
-from sim.figures.summary import Sample
-from sim.live.scenes import WorldScene
-from sim.scenario.driven import DrivenScenario
-from sim.scenario.faults import moments_of
-from sim.scenario.scenario_file import Scenario, load_scenario
-from sim.virtual.twin_world import UNPLUGGED_AFTER_S, UNPLUGGED_BRAKE_A
-from sim.world.beams import LidarSettings
-from sim.world.pose import Pose
+from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.devices.scip import ScipEmulator
+from wallride.sim.devices.vesc import VescEmulator
+from wallride.sim.figures.summary import Sample
+from wallride.sim.live.scenes import WorldScene
+from wallride.sim.scenario.driven import DrivenScenario
+from wallride.sim.scenario.faults import moments_of
+from wallride.sim.scenario.scenario_file import Scenario, load_scenario
+from wallride.sim.virtual.twin_world import UNPLUGGED_AFTER_S, UNPLUGGED_BRAKE_A
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.pose import Pose
 
 SUFFIX = ".toml"
 

@@ -5,21 +5,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drivers.api import ProtocolError
-from drivers.hokuyo.replies import SensorParameters
-from sim.car.vehicle import Vehicle, VehicleSettings
-from sim.devices.scip_encode import UST_10LX, SensorModel
-from sim.figures.comparison import ComparedSteering, drove, recorded_answers
-from sim.figures.summary import Sample
-from sim.live.session import Ranges
-from sim.recordings.recording import Recording, RecordingError
-from sim.recordings.sensor_units import SCIP_MAX_MM, to_sensor_mm
-from sim.world.beams import LidarSettings, scan
-from sim.world.lap import LapCounter
-from sim.world.obstacles import Obstacle
-from sim.world.obstacles import ObstacleWorld as Surroundings
-from sim.world.place import World
-from sim.world.pose import Floats, Side, Twist
+from wallride.drivers.api import ProtocolError
+from wallride.drivers.hokuyo.replies import SensorParameters
+from wallride.sim.car.vehicle import Vehicle, VehicleSettings
+from wallride.sim.devices.scip_encode import UST_10LX, SensorModel
+from wallride.sim.figures.comparison import ComparedSteering, drove, recorded_answers
+from wallride.sim.figures.summary import Sample
+from wallride.sim.live.session import Ranges
+from wallride.sim.recordings.recording import Recording, RecordingError
+from wallride.sim.recordings.sensor_units import SCIP_MAX_MM, to_sensor_mm
+from wallride.sim.world.beams import LidarSettings, scan
+from wallride.sim.world.lap import LapCounter
+from wallride.sim.world.obstacles import Obstacle
+from wallride.sim.world.obstacles import ObstacleWorld as Surroundings
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Floats, Side, Twist
 
 AFTER_CRASH_S = 0.5
 

@@ -8,14 +8,14 @@ import numpy.typing as npt
 from rich.console import Console
 from rich.live import Live
 
-from runtime.host.address_file import Address
-from runtime.settings.session import SessionSettings
-from runtime.wire.endpoints import split_endpoint
-from sim.car.vehicle import Vehicle
-from sim.live.live_conditions import LiveConditions
-from sim.live.live_keys import legend
-from sim.live.record import Record
-from sim.live.terminal_view import ViewStatus, page, render_world, status_rows, world_size
+from wallride.runtime.host.address_file import Address
+from wallride.runtime.settings.session import SessionSettings
+from wallride.runtime.wire.endpoints import split_endpoint
+from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.live.live_conditions import LiveConditions
+from wallride.sim.live.live_keys import legend
+from wallride.sim.live.record import Record
+from wallride.sim.live.terminal_view import ViewStatus, page, render_world, status_rows, world_size
 
 LIDAR_X_M = 0.27
 MAX_RANGE_MM = 30_000

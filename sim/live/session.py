@@ -13,22 +13,22 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from drivers.vesc.settings import VescSettings
-from runtime.ending import end
-from runtime.host.address_file import read_address
-from runtime.realtime.periodic import PeriodicTimer, Tick
-from runtime.wire import topics
-from sim.car.plant import Plant
-from sim.car.vehicle import Vehicle
-from sim.devices.scip import ScipEmulator
-from sim.devices.scip_encode import SensorModel
-from sim.devices.vesc import MotorDemand, VescEmulator
-from sim.figures.summary import Sample
-from sim.live.listener import Listener
-from sim.live.live_conditions import LiveConditions
-from sim.live.record import Record
-from sim.live.runtime_process import RuntimeProcess, WallrideProcess, cpu_s_of
-from sim.live.stop_request import StopRequest
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.runtime.ending import end
+from wallride.runtime.host.address_file import read_address
+from wallride.runtime.realtime.periodic import PeriodicTimer, Tick
+from wallride.runtime.wire import topics
+from wallride.sim.car.plant import Plant
+from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.devices.scip import ScipEmulator
+from wallride.sim.devices.scip_encode import SensorModel
+from wallride.sim.devices.vesc import MotorDemand, VescEmulator
+from wallride.sim.figures.summary import Sample
+from wallride.sim.live.listener import Listener
+from wallride.sim.live.live_conditions import LiveConditions
+from wallride.sim.live.record import Record
+from wallride.sim.live.runtime_process import RuntimeProcess, WallrideProcess, cpu_s_of
+from wallride.sim.live.stop_request import StopRequest
 
 FAREWELL = "farewell"
 STEP_S = 0.005

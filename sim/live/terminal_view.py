@@ -15,8 +15,8 @@ from rich.style import Style
 from rich.table import Table
 from rich.text import Span, Text
 
-from runtime.arbitration.command import NO_WINNER
-from runtime.telemetry.screen_words import steering_words
+from wallride.runtime.arbitration.command import NO_WINNER
+from wallride.runtime.telemetry.screen_words import steering_words
 
 Floats = npt.NDArray[np.floating]
 Dots = npt.NDArray[np.bool_]

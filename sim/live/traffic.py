@@ -4,14 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from runtime.control.live_laws import LiveLaws
-from runtime.settings.tree import Settings
-from sim.car.vehicle import Vehicle
-from sim.virtual.closed_loop import Case, drive
-from sim.world.obstacles import Obstacle, ObstacleWorld
-from sim.world.place import World
-from sim.world.pose import CAR, Floats, Footprint, Pose
-from sim.world.segments import SegmentGeometry
+from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.virtual.closed_loop import Case, drive
+from wallride.sim.world.obstacles import Obstacle, ObstacleWorld
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import CAR, Floats, Footprint, Pose
+from wallride.sim.world.segments import SegmentGeometry
 
 APART_M = 3.0
 """Distance of the starts where the world has no lap; on a lap the cars stand evenly."""

@@ -6,9 +6,9 @@ both and the assembly of a recording from it), `salvage` and `salvage_ros2` (dam
 the integers that the sensor sent).
 """
 
-from sim.recordings.loading import load_recording
-from sim.recordings.recording import CommandTrack, OdometryTrack, Recording, RecordingError
-from sim.recordings.sensor_units import NO_RETURN_MM, to_sensor_mm
+from wallride.sim.recordings.loading import load_recording
+from wallride.sim.recordings.recording import CommandTrack, OdometryTrack, Recording, RecordingError
+from wallride.sim.recordings.sensor_units import NO_RETURN_MM, to_sensor_mm
 
 __all__ = [
     "NO_RETURN_MM",

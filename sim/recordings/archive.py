@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from runtime.recording.unpacking import bomb, most_bytes
-from sim.recordings.recording import CommandTrack, LidarTrack, OdometryTrack, RecordingError, plain_name
-from sim.recordings.tracks import Tracks, columns
+from wallride.runtime.recording.unpacking import bomb, most_bytes
+from wallride.sim.recordings.recording import CommandTrack, LidarTrack, OdometryTrack, RecordingError, plain_name
+from wallride.sim.recordings.tracks import Tracks, columns
 
 NEEDED = ("stamps", "recv", "angle_min", "angle_increment", "range_min", "range_max", "scan_time")
 DEFAULT_TOPIC = "scan"

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from runtime.recording.unpacking import bomb, most_bytes
-from sim.recordings.recording import RecordingError
+from wallride.runtime.recording.unpacking import bomb, most_bytes
+from wallride.sim.recordings.recording import RecordingError
 
 
 @contextmanager

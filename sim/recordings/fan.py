@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from sim.recordings.recording import LidarTrack
+from wallride.sim.recordings.recording import LidarTrack
 
 MIN_TURN_STEPS = 8
 """Beams of a full turn from which on there is something to roll."""

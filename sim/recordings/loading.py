@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from sim.recordings.archive import read_archive
-from sim.recordings.recording import Recording, RecordingError
-from sim.recordings.ros import read_ros
-from sim.recordings.tracks import Tracks, assemble
+from wallride.sim.recordings.archive import read_archive
+from wallride.sim.recordings.recording import Recording, RecordingError
+from wallride.sim.recordings.ros import read_ros
+from wallride.sim.recordings.tracks import Tracks, assemble
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
 FORMATS = ".npz, .bag (ROS 1), .db3, .mcap, or the folder of a ROS 2 recording"

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError
-from sim.recordings.messages import WANTED_TYPES, Collector
-from sim.recordings.recording import RecordingError
+from wallride.runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError
+from wallride.sim.recordings.messages import WANTED_TYPES, Collector
+from wallride.sim.recordings.recording import RecordingError
 
 ROS1: Final = "ros1"
 CDR: Final = "cdr"

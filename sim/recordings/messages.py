@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from sim.recordings.recording import CommandTrack, LidarTrack, OdometryTrack, plain_name
-from sim.recordings.tracks import Tracks, columns
+from wallride.sim.recordings.recording import CommandTrack, LidarTrack, OdometryTrack, plain_name
+from wallride.sim.recordings.tracks import Tracks, columns
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 ACKERMANN = "ackermann_msgs/msg/AckermannDriveStamped"

@@ -8,14 +8,14 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.recording.unpacking import Unpacking, UnpackingError
-from sim.recordings.bounds import bounded_memory
-from sim.recordings.mcap_messages import CDR, ROS1, Decode, collect_mcap
-from sim.recordings.messages import ACKERMANN_DEFINITIONS, WANTED_TYPES, Collector
-from sim.recordings.recording import RecordingError
-from sim.recordings.salvage import RawMessage, whole_messages
-from sim.recordings.salvage_ros2 import check_tables, rows_before_damage
-from sim.recordings.tracks import Tracks
+from wallride.runtime.recording.unpacking import Unpacking, UnpackingError
+from wallride.sim.recordings.bounds import bounded_memory
+from wallride.sim.recordings.mcap_messages import CDR, ROS1, Decode, collect_mcap
+from wallride.sim.recordings.messages import ACKERMANN_DEFINITIONS, WANTED_TYPES, Collector
+from wallride.sim.recordings.recording import RecordingError
+from wallride.sim.recordings.salvage import RawMessage, whole_messages
+from wallride.sim.recordings.salvage_ros2 import check_tables, rows_before_damage
+from wallride.sim.recordings.tracks import Tracks
 
 if TYPE_CHECKING:
     from rosbags.typesys import Stores

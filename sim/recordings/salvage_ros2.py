@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from contextlib import closing, suppress
 from pathlib import Path
 
-from sim.recordings.recording import RecordingError
-from sim.recordings.salvage import RawMessage
+from wallride.sim.recordings.recording import RecordingError
+from wallride.sim.recordings.salvage import RawMessage
 
 
 def check_tables(path: Path) -> None:

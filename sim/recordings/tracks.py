@@ -8,8 +8,8 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from sim.recordings.fan import ahead_in_the_middle
-from sim.recordings.recording import (
+from wallride.sim.recordings.fan import ahead_in_the_middle
+from wallride.sim.recordings.recording import (
     CommandTrack,
     Floats,
     LidarTrack,

@@ -11,14 +11,14 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from runtime.telemetry.screen_words import because, times
-from sim.recordings import RecordingError
-from sim.replay.drive_log import DriveLog, is_mcap, read_log
-from sim.replay.figures import numbers, stops
-from sim.replay.moment import moment_at_scan, moment_at_time
-from sim.replay.opening import open_any
-from sim.replay.reenact import ReplayVerdict, reenact
-from sim.replay.run import RecordedRun, run_of
+from wallride.runtime.telemetry.screen_words import because, times
+from wallride.sim.recordings import RecordingError
+from wallride.sim.replay.drive_log import DriveLog, is_mcap, read_log
+from wallride.sim.replay.figures import numbers, stops
+from wallride.sim.replay.moment import moment_at_scan, moment_at_time
+from wallride.sim.replay.opening import open_any
+from wallride.sim.replay.reenact import ReplayVerdict, reenact
+from wallride.sim.replay.run import RecordedRun, run_of
 
 SAME, DIFFERS, CHANGED = 0, 1, 3
 SHOWN_STOPS = 30
@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _replay(options: argparse.Namespace) -> int:
     if options.publish:
-        from sim.replay import publish
+        from wallride.sim.replay import publish
 
         return publish.play(options)
     console = Console(highlight=False, markup=False, soft_wrap=True)

@@ -3,8 +3,8 @@
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from runtime.ros.definitions import definition
-from sim.replay.drive_log import LoggedMessage
+from wallride.runtime.ros.definitions import definition
+from wallride.sim.replay.drive_log import LoggedMessage
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore

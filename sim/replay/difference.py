@@ -4,8 +4,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
-from runtime.arbitration.command import NO_WINNER, Output, Source
-from runtime.control.guidance import Guidance
+from wallride.runtime.arbitration.command import NO_WINNER, Output, Source
+from wallride.runtime.control.guidance import Guidance
 
 ROUNDING = 1e-9
 """Tolerance of rounding: another computer, or one without the compiled laws, rounds sines and sums differently."""

@@ -12,10 +12,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from runtime.recording.channels import SETTINGS, STRING, TAPE, text_of
-from runtime.recording.mcap_file import METADATA
-from runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError
-from sim.recordings import RecordingError
+from wallride.runtime.recording.channels import SETTINGS, STRING, TAPE, text_of
+from wallride.runtime.recording.mcap_file import METADATA
+from wallride.runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError
+from wallride.sim.recordings import RecordingError
 
 NS = 1_000_000_000
 MAGIC = b"\x89MCAP0\r\n"

@@ -1,4 +1,4 @@
-"""Figures of a run, by the simulator's and the car's own measures: `sim.summary` and `runtime.control.score`."""
+"""Figures of a run, as simulator and car measure: `wallride.sim.summary` and `wallride.runtime.control.score`."""
 
 import math
 from collections.abc import Mapping
@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from runtime.arbitration.command import NO_WINNER
-from runtime.control.perception.geometry import directions
-from runtime.control.score import Score
-from runtime.control.vehicle import CarSettings
-from sim.figures.summary import Sample, figures
-from sim.replay.decode import decode
-from sim.replay.drive_log import LoggedMessage
-from sim.replay.run import MuxChange, RecordedRun
-from sim.world.pose import Floats
+from wallride.runtime.arbitration.command import NO_WINNER
+from wallride.runtime.control.perception.geometry import directions
+from wallride.runtime.control.score import Score
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.figures.summary import Sample, figures
+from wallride.sim.replay.decode import decode
+from wallride.sim.replay.drive_log import LoggedMessage
+from wallride.sim.replay.run import MuxChange, RecordedRun
+from wallride.sim.world.pose import Floats
 
 TOGETHER_S = 1e-3
 """Maximum time between two messages of one decision."""
@@ -45,7 +45,7 @@ class RecordedStop:
 def numbers(run: RecordedRun) -> dict[str, Any]:
     """Return all figures as plain values: the output of `wallride report --json` and of the page.
 
-    Those of `sim.summary` use the car's estimates (odometry, its own distance to the wall), not the truth.
+    Those of `wallride.sim.summary` use the car's estimates (odometry, its own distance to the wall), not the truth.
     """
     score = Score()
     for time_s, error_m in zip(run.error.time_s, run.error.value, strict=True):

@@ -12,22 +12,22 @@ from typing import Never
 
 import numpy as np
 
-from drivers.api import Health, LinkState, MotorState, Scan
-from runtime.arbitration.command import Output, Source, consent
-from runtime.control.guidance import Guidance
-from runtime.control.perception.odometry import Odometry
-from runtime.realtime.wall_clock import WallClock
-from runtime.ros.definitions import TYPES
-from runtime.settings.tree import Settings, load_settings, to_toml
-from runtime.telemetry.status import Journey, ObservedState
-from runtime.telemetry.topic_writers import Newest, TopicWriters
-from runtime.wire import topics
-from sim.lab.recorded.replay import better_side, motor_at, scans_of
-from sim.lab.recorded.scan_motion import motion_of
-from sim.lab.recordings import is_foreign
-from sim.recordings import OdometryTrack, Recording, RecordingError
-from sim.replay.drive_log import DriveLog, LoggedMessage
-from sim.replay.stack import ReplayStack
+from wallride.drivers.api import Health, LinkState, MotorState, Scan
+from wallride.runtime.arbitration.command import Output, Source, consent
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.perception.odometry import Odometry
+from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.settings.tree import Settings, load_settings, to_toml
+from wallride.runtime.telemetry.status import Journey, ObservedState
+from wallride.runtime.telemetry.topic_writers import Newest, TopicWriters
+from wallride.runtime.wire import topics
+from wallride.sim.lab.recorded.replay import better_side, motor_at, scans_of
+from wallride.sim.lab.recorded.scan_motion import motion_of
+from wallride.sim.lab.recordings import is_foreign
+from wallride.sim.recordings import OdometryTrack, Recording, RecordingError
+from wallride.sim.replay.drive_log import DriveLog, LoggedMessage
+from wallride.sim.replay.stack import ReplayStack
 
 TICK_S = 0.02
 STATUS_EVERY_S = 0.1

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable, Mapping
 
-from sim.replay.player import Player
+from wallride.sim.replay.player import Player
 
 STEP_S, LEAP_S = 5.0, 30.0
 SEQUENCES: Mapping[bytes, str] = {

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from runtime.arbitration.command import NO_WINNER, Output
-from runtime.control.guidance import Guidance
-from runtime.recording.decision_log import DecisionEvent, Event, FollowerEvent, ScanEvent
-from runtime.telemetry.screen_words import because, steering_words
-from sim.recordings import RecordingError
-from sim.replay.drive_log import DriveLog
-from sim.replay.reenact import events_of, first_time_s
+from wallride.runtime.arbitration.command import NO_WINNER, Output
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.recording.decision_log import DecisionEvent, Event, FollowerEvent, ScanEvent
+from wallride.runtime.telemetry.screen_words import because, steering_words
+from wallride.sim.recordings import RecordingError
+from wallride.sim.replay.drive_log import DriveLog
+from wallride.sim.replay.reenact import events_of, first_time_s
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim.recordings import load_recording
-from sim.replay.drive_log import DriveLog, is_mcap, read_log
-from sim.replay.foreign import drive_recording, settings_for
+from wallride.sim.recordings import load_recording
+from wallride.sim.replay.drive_log import DriveLog, is_mcap, read_log
+from wallride.sim.replay.foreign import drive_recording, settings_for
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,10 +5,10 @@ from bisect import bisect_right
 from collections.abc import Mapping
 from typing import Any
 
-from drivers.api import Clock
-from runtime.ros.definitions import TYPES
-from runtime.wire import topics
-from sim.replay.drive_log import NS, DriveLog, LoggedMessage
+from wallride.drivers.api import Clock
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.wire import topics
+from wallride.sim.replay.drive_log import NS, DriveLog, LoggedMessage
 
 PLAYED = frozenset({*TYPES, *topics.JSON_TOPICS})
 """Topics of the telemetry; the decision log, settings and log lines of a recording are no topics."""

@@ -13,16 +13,16 @@ import sys
 import time
 from collections.abc import Callable
 
-from runtime.ros.definitions import encoding
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.endpoints import split_endpoint
-from runtime.wire.network import RefusedError
-from sim.recordings import RecordingError
-from sim.replay.drive_log import LoggedMessage
-from sim.replay.keys import names, press, single_keys
-from sim.replay.opening import open_any
-from sim.replay.player import PLAYED, Player
+from wallride.runtime.ros.definitions import encoding
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.endpoints import split_endpoint
+from wallride.runtime.wire.network import RefusedError
+from wallride.sim.recordings import RecordingError
+from wallride.sim.replay.drive_log import LoggedMessage
+from wallride.sim.replay.keys import names, press, single_keys
+from wallride.sim.replay.opening import open_any
+from wallride.sim.replay.player import PLAYED, Player
 
 REPLAY = "replay"
 STEP_S = 0.005

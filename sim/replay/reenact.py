@@ -17,15 +17,15 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from drivers.api import Scan
-from runtime.arbitration.command import Output, Source
-from runtime.arbitration.queues import NEVER_S
-from runtime.control.guidance import Guidance
-from runtime.control.method_settings import TAGS
-from runtime.control.own_laws.law_class import loaded_files
-from runtime.recording.channels import TAPE
-from runtime.recording.decision_codec import TapeError, decode
-from runtime.recording.decision_log import (
+from wallride.drivers.api import Scan
+from wallride.runtime.arbitration.command import Output, Source
+from wallride.runtime.arbitration.queues import NEVER_S
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.method_settings import TAGS
+from wallride.runtime.control.own_laws.law_class import loaded_files
+from wallride.runtime.recording.channels import TAPE
+from wallride.runtime.recording.decision_codec import TapeError, decode
+from wallride.runtime.recording.decision_log import (
     LAWS,
     DecisionEvent,
     Event,
@@ -35,16 +35,16 @@ from runtime.recording.decision_log import (
     ScanEvent,
     SettingsEvent,
 )
-from runtime.recording.laws_fingerprint import laws_fingerprint
-from runtime.settings.tree import Settings, import_laws
-from runtime.wire import topics
-from sim.recordings import RecordingError
-from sim.replay import difference
-from sim.replay.decode import decode as decode_message
-from sim.replay.difference import CLOSE, Difference
-from sim.replay.drive_log import DriveLog
-from sim.replay.settings_text import settings_of, with_assignments
-from sim.replay.stack import ReplayStack
+from wallride.runtime.recording.laws_fingerprint import laws_fingerprint
+from wallride.runtime.settings.tree import Settings, import_laws
+from wallride.runtime.wire import topics
+from wallride.sim.recordings import RecordingError
+from wallride.sim.replay import difference
+from wallride.sim.replay.decode import decode as decode_message
+from wallride.sim.replay.difference import CLOSE, Difference
+from wallride.sim.replay.drive_log import DriveLog
+from wallride.sim.replay.settings_text import settings_of, with_assignments
+from wallride.sim.replay.stack import ReplayStack
 
 SETTLES_S = 5.0
 """Time after a beginning in the middle without comparison: the state before it is not in the decision log."""

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from runtime.arbitration.command import NO_WINNER
-from runtime.settings.tree import Settings
-from runtime.wire import topics
-from sim.replay.decode import decode
-from sim.replay.drive_log import NS, DriveLog, LoggedMessage
-from sim.replay.settings_text import TunedSetting, settings_of, tuned_in
-from sim.world.pose import Floats
+from wallride.runtime.arbitration.command import NO_WINNER
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.wire import topics
+from wallride.sim.replay.decode import decode
+from wallride.sim.replay.drive_log import NS, DriveLog, LoggedMessage
+from wallride.sim.replay.settings_text import TunedSetting, settings_of, tuned_in
+from wallride.sim.world.pose import Floats
 
 SECONDS_OF_A_DAY = 86_400
 

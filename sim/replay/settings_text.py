@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from runtime.recording.channels import SETTINGS
-from runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
-from sim.replay.drive_log import DriveLog
+from wallride.runtime.recording.channels import SETTINGS
+from wallride.runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
+from wallride.sim.replay.drive_log import DriveLog
 
 
 @dataclass(frozen=True, slots=True)

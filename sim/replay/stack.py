@@ -5,13 +5,13 @@ These are the objects that drive the car, not copies.
 
 from typing import Never
 
-from drivers.api import Clock, Drive, Health, LinkState, MotorState
-from runtime.arbitration.command import Output
-from runtime.live_stack import REQUIRED, LiveStack
-from runtime.realtime.stage_timing import StageTimer
-from runtime.recording.decision_log import DecisionLog
-from runtime.settings.tree import Settings
-from runtime.tasks.mux import Mux
+from wallride.drivers.api import Clock, Drive, Health, LinkState, MotorState
+from wallride.runtime.arbitration.command import Output
+from wallride.runtime.live_stack import REQUIRED, LiveStack
+from wallride.runtime.realtime.stage_timing import StageTimer
+from wallride.runtime.recording.decision_log import DecisionLog
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.tasks.mux import Mux
 
 AT_ONCE_S = 1e9
 """Time since the last drive after which the limiter allows every other one."""

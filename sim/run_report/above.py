@@ -7,8 +7,8 @@ from html import escape
 
 import numpy as np
 
-from sim.run_report.charts import Scale, polyline, svg
-from sim.world.pose import Floats
+from wallride.sim.run_report.charts import Scale, polyline, svg
+from wallride.sim.world.pose import Floats
 
 RULERS_M = (0.5, 1, 2, 5, 10, 20, 50, 100, 1000)
 MIN_RULER_PX = 40

@@ -10,7 +10,7 @@ from html import escape
 
 import numpy as np
 
-from sim.world.pose import Floats
+from wallride.sim.world.pose import Floats
 
 WIDTH, HEIGHT = 860, 230
 LEFT, RIGHT, TOP, BOTTOM = 52, 14, 20, 30

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from sim.recordings import RecordingError
-from sim.replay.figures import truth_of
-from sim.replay.opening import OpenedRecording, open_any
-from sim.replay.run import run_of
-from sim.run_report.page import page
-from sim.run_report.shown import Shown, shown
+from wallride.sim.recordings import RecordingError
+from wallride.sim.replay.figures import truth_of
+from wallride.sim.replay.opening import OpenedRecording, open_any
+from wallride.sim.replay.run import run_of
+from wallride.sim.run_report.page import page
+from wallride.sim.run_report.shown import Shown, shown
 
 
 def run(options: argparse.Namespace) -> int:

@@ -6,11 +6,11 @@ from html import escape
 
 import numpy as np
 
-from runtime.telemetry.screen_words import because, times
-from sim.replay.figures import RecordedStop, newest_change, points, slowed
-from sim.replay.run import MuxChange, RecordedRun
-from sim.run_report.above import Above, from_above
-from sim.world.pose import Floats
+from wallride.runtime.telemetry.screen_words import because, times
+from wallride.sim.replay.figures import RecordedStop, newest_change, points, slowed
+from wallride.sim.replay.run import MuxChange, RecordedRun
+from wallride.sim.run_report.above import Above, from_above
+from wallride.sim.world.pose import Floats
 
 MAX_CARDS = 40
 CARD_PX, CARD_M = 250, 4.0

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from runtime.telemetry.screen_words import because
-from sim.replay.decode import decode
-from sim.replay.drive_log import LoggedMessage
-from sim.replay.figures import at_time
-from sim.replay.run import MuxChange, RecordedRun
-from sim.run_report.charts import ChartLine
-from sim.world.pose import Floats
+from wallride.runtime.telemetry.screen_words import because
+from wallride.sim.replay.decode import decode
+from wallride.sim.replay.drive_log import LoggedMessage
+from wallride.sim.replay.figures import at_time
+from wallride.sim.replay.run import MuxChange, RecordedRun
+from wallride.sim.run_report.charts import ChartLine
+from wallride.sim.world.pose import Floats
 
 MAX_POINTS = 6000
 """Maximum number of points of a line; a longer one keeps the lowest and the highest of every piece."""

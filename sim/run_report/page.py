@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from sim.figures.summary import SETTLE_BAND_M
-from sim.run_report import moments, tables
-from sim.run_report.charts import WIDTH, ChartLine, Mark, histogram, over_time
-from sim.run_report.events import cards, stops_table
-from sim.run_report.shown import Shown
-from sim.run_report.track import track
-from sim.run_report.turn import ABOUT_TURN, sharpest_turn
+from wallride.sim.figures.summary import SETTLE_BAND_M
+from wallride.sim.run_report import moments, tables
+from wallride.sim.run_report.charts import WIDTH, ChartLine, Mark, histogram, over_time
+from wallride.sim.run_report.events import cards, stops_table
+from wallride.sim.run_report.shown import Shown
+from wallride.sim.run_report.track import track
+from wallride.sim.run_report.turn import ABOUT_TURN, sharpest_turn
 
 BIN_M = 0.01
 STYLES = ("s1", "s2")
@@ -83,7 +83,7 @@ def _head(title: str, scripts: str) -> str:
 
 
 def _part(name: str) -> str:
-    return resources.files("sim.run_report").joinpath(name).read_text(encoding="utf-8")
+    return resources.files("wallride.sim.run_report").joinpath(name).read_text(encoding="utf-8")
 
 
 def section(title: str, inside: str, words: str = "") -> str:

@@ -1,4 +1,4 @@
-"""Scatter plots and bars as SVG text, in the look of `sim.run_report.charts`."""
+"""Scatter plots and bars as SVG text, in the look of `wallride.sim.run_report.charts`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from html import escape
 
 import numpy as np
 
-from sim.run_report.charts import (
+from wallride.sim.run_report.charts import (
     BOTTOM,
     HEIGHT,
     LEFT,
@@ -21,7 +21,7 @@ from sim.run_report.charts import (
     svg,
     ticks,
 )
-from sim.world.pose import Floats
+from wallride.sim.world.pose import Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)

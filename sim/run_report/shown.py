@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from itertools import accumulate
 from typing import Any
 
-from sim.replay.figures import RecordedStop, numbers, stops
-from sim.replay.run import RecordedRun
+from wallride.sim.replay.figures import RecordedStop, numbers, stops
+from wallride.sim.replay.run import RecordedRun
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
-from runtime.settings.tree import Settings, to_toml
-from sim.figures.summary import SETTLE_BAND_M
-from sim.replay.run import RecordedRun
-from sim.replay.settings_text import flat
-from sim.run_report.events import NOT_KNOWN, text
-from sim.run_report.shown import Shown
+from wallride.runtime.settings.tree import Settings, to_toml
+from wallride.sim.figures.summary import SETTLE_BAND_M
+from wallride.sim.replay.run import RecordedRun
+from wallride.sim.replay.settings_text import flat
+from wallride.sim.run_report.events import NOT_KNOWN, text
+from wallride.sim.run_report.shown import Shown
 
 ROWS = (
     ("duration_s", "duration", "s"),

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from sim.replay.figures import at_time, points
-from sim.replay.run import RecordedRun
-from sim.run_report.above import Above, from_above
-from sim.run_report.shown import Shown
-from sim.world.pose import Floats
+from wallride.sim.replay.figures import at_time, points
+from wallride.sim.replay.run import RecordedRun
+from wallride.sim.run_report.above import Above, from_above
+from wallride.sim.run_report.shown import Shown
+from wallride.sim.world.pose import Floats
 
 TALLEST_PATH_PX = 620
 MAP_EVERY_M = 0.5

@@ -5,14 +5,14 @@ Range ahead, mean of the three nearest, distance to the fitted line, and the tur
 
 import numpy as np
 
-from drivers.api import Scan
-from runtime.control.report.measures import measured
-from sim.replay.decode import decode
-from sim.replay.drive_log import LoggedMessage
-from sim.replay.figures import at_time
-from sim.replay.run import RecordedRun
-from sim.run_report.charts import ChartLine, over_time
-from sim.world.pose import Floats
+from wallride.drivers.api import Scan
+from wallride.runtime.control.report.measures import measured
+from wallride.sim.replay.decode import decode
+from wallride.sim.replay.drive_log import LoggedMessage
+from wallride.sim.replay.figures import at_time
+from wallride.sim.replay.run import RecordedRun
+from wallride.sim.run_report.charts import ChartLine, over_time
+from wallride.sim.world.pose import Floats
 
 TOP_M = 5.0
 """Larger distances and radii are not drawn."""

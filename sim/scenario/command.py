@@ -11,10 +11,10 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from sim.scenario.driven import JudgedExpectation, judge, mistakes_after
-from sim.scenario.scenario_file import load_scenario
-from sim.scenario.toml_lines import FileMistakeError
-from sim.scenario.virtual_drive import drive_scenario
+from wallride.sim.scenario.driven import JudgedExpectation, judge, mistakes_after
+from wallride.sim.scenario.scenario_file import load_scenario
+from wallride.sim.scenario.toml_lines import FileMistakeError
+from wallride.sim.scenario.virtual_drive import drive_scenario
 
 FAILED, USAGE_ERROR, INTERRUPTED = 1, 2, 130
 MARKS: Mapping[bool | None, str] = {True: "[green]pass[/green]", False: "[red]FAIL[/red]", None: "[dim]  ? [/dim]"}

@@ -1,8 +1,8 @@
 """Conditions of a simulated drive: floor, tyres, lidar and obstacles, as settings that can be named one by one.
 
 A settings file has the sections [vehicle], [lidar] and [wiring] with the fields of `VehicleSettings`, `LidarSettings`
-and `WiringErrors`, and a list `obstacles` of texts (`sim.scenario.obstacle_text`). Options of the command line come on
-top.
+and `WiringErrors`, and a list `obstacles` of texts (`wallride.sim.scenario.obstacle_text`). Options of the command line
+come on top.
 """
 
 import json
@@ -15,11 +15,11 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
-from sim.car.vehicle_settings import VehicleSettings
-from sim.car.wiring import NO_ERRORS, WiringErrors
-from sim.scenario.obstacle_text import read_obstacle
-from sim.world.beams import LidarSettings
-from sim.world.obstacles import Obstacle
+from wallride.sim.car.vehicle_settings import VehicleSettings
+from wallride.sim.car.wiring import NO_ERRORS, WiringErrors
+from wallride.sim.scenario.obstacle_text import read_obstacle
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.obstacles import Obstacle
 
 RIGHT_REAR = "right-rear"
 """Name of the only own parts without a profile: a rough part at 0.03 to 0.15 m in the last beams on the right."""
@@ -35,7 +35,7 @@ class ConditionsError(Exception):
 class Conditions(BaseModel):
     """Conditions at the start of a drive.
 
-    wiring: errors of the car's settings. obstacles: texts as of `sim.scenario.obstacle_text`.
+    wiring: errors of the car's settings. obstacles: texts as of `wallride.sim.scenario.obstacle_text`.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -142,7 +142,7 @@ def own_parts_kinds() -> tuple[str, ...]:
     """Return the names of the kinds of own parts of this simulator."""
     if "own_parts" not in LidarSettings.model_fields:
         return (NO_PARTS, RIGHT_REAR)
-    profiles = import_module("sim.world.own_parts").OWN_PARTS
+    profiles = import_module("wallride.sim.world.own_parts").OWN_PARTS
     return (*dict.fromkeys((NO_PARTS, *profiles)), RIGHT_REAR)
 
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sim.scenario.scenario_file import Scenario
-from sim.scenario.scenario_parts import ScenarioExpectation
-from sim.world.obstacles import LIDAR_AHEAD_M, Obstacle, ObstacleWorld
-from sim.world.pose import Booleans, Floats, Pose
+from wallride.sim.scenario.scenario_file import Scenario
+from wallride.sim.scenario.scenario_parts import ScenarioExpectation
+from wallride.sim.world.obstacles import LIDAR_AHEAD_M, Obstacle, ObstacleWorld
+from wallride.sim.world.pose import Booleans, Floats, Pose
 
 STANDS_BELOW_MPS, DRIVES_ABOVE_MPS = 0.05, 0.25
 REACHED_M = 3.0

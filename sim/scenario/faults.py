@@ -4,9 +4,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from sim.car.vehicle import Vehicle
-from sim.scenario.scenario_parts import ScenarioFault
-from sim.world.beams import LidarSettings
+from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.scenario.scenario_parts import ScenarioFault
+from wallride.sim.world.beams import LidarSettings
 
 COVERED_M = 0.02
 """Range up to which a covered beam sees: nothing that the sensor would report."""

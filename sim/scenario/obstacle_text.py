@@ -12,8 +12,8 @@ import math
 import re
 from collections.abc import Mapping
 
-from sim.world.obstacles import Box, ConstantMotion, Obstacle, Round, StandingObstacle, SuddenObstacle
-from sim.world.pose import Pose
+from wallride.sim.world.obstacles import Box, ConstantMotion, Obstacle, Round, StandingObstacle, SuddenObstacle
+from wallride.sim.world.pose import Pose
 
 KINDS = ("box", "pole", "person")
 KEYS = ("at", "ahead", "left", "after", "until", "speed", "size", "radius", "walks")

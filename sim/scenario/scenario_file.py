@@ -40,11 +40,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
-from runtime.host.user_module import search_in
-from runtime.settings.tree import Settings, SettingsError, load_settings
-from sim.car.vehicle_settings import VehicleSettings
-from sim.scenario.conditions import NO_PARTS, Conditions, ConditionsError, own_parts_fields
-from sim.scenario.scenario_parts import (
+from wallride.runtime.host.user_module import search_in
+from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
+from wallride.sim.car.vehicle_settings import VehicleSettings
+from wallride.sim.scenario.conditions import NO_PARTS, Conditions, ConditionsError, own_parts_fields
+from wallride.sim.scenario.scenario_parts import (
     ScenarioExpectation,
     ScenarioFault,
     ScenarioObstacle,
@@ -52,14 +52,14 @@ from sim.scenario.scenario_parts import (
     ScenarioTable,
     ScenarioWall,
 )
-from sim.scenario.simulated_car import find_config
-from sim.scenario.toml_lines import FileMistakeError, TomlText, read_toml
-from sim.world.beams import LidarSettings
-from sim.world.obstacles import Obstacle, ObstacleWorld
-from sim.world.place import World
-from sim.world.pose import Pose
-from sim.world.segments import SegmentGeometry
-from sim.world.worlds import is_map, load_world
+from wallride.sim.scenario.simulated_car import find_config
+from wallride.sim.scenario.toml_lines import FileMistakeError, TomlText, read_toml
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.obstacles import Obstacle, ObstacleWorld
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.segments import SegmentGeometry
+from wallride.sim.world.worlds import is_map, load_world
 
 EMPTY = "empty"
 """World without walls of its own."""

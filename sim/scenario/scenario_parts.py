@@ -7,10 +7,10 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from sim.scenario.obstacle_text import BOX_M, RADIUS_M
-from sim.world.obstacles import Box, ConstantMotion, Obstacle, Round, StandingObstacle, SuddenObstacle
-from sim.world.pose import Floats, Pose
-from sim.world.segments import chain
+from wallride.sim.scenario.obstacle_text import BOX_M, RADIUS_M
+from wallride.sim.world.obstacles import Box, ConstantMotion, Obstacle, Round, StandingObstacle, SuddenObstacle
+from wallride.sim.world.pose import Floats, Pose
+from wallride.sim.world.segments import chain
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

@@ -2,17 +2,17 @@
 
 import asyncio
 
-from runtime.app import Car
-from runtime.settings.tree import Settings
-from sim.car.vehicle import Vehicle
-from sim.scenario.driven import DrivenScenario
-from sim.scenario.faults import moments_of
-from sim.scenario.scenario_file import Scenario
-from sim.virtual.devices import MemoryBus
-from sim.virtual.twin_world import UNPLUGGED_AFTER_S, TwinWorld, WorldLidar, WorldMotor
-from sim.virtual.virtual_time import run_virtual
-from sim.world.beams import LidarSettings
-from sim.world.lap import LapCounter
+from wallride.runtime.app import Car
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.scenario.driven import DrivenScenario
+from wallride.sim.scenario.faults import moments_of
+from wallride.sim.scenario.scenario_file import Scenario
+from wallride.sim.virtual.devices import MemoryBus
+from wallride.sim.virtual.twin_world import UNPLUGGED_AFTER_S, TwinWorld, WorldLidar, WorldMotor
+from wallride.sim.virtual.virtual_time import run_virtual
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.lap import LapCounter
 
 SAMPLED_EVERY_S = 0.025
 

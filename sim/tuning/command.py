@@ -10,19 +10,19 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from runtime.settings.tree import SettingsError
-from sim.lab import laws
-from sim.lab.command import FIXED_SETTINGS, INTERRUPTED, USAGE_ERROR
-from sim.lab.pool import Measuring, in_order
-from sim.lab.tuning.drive import SCENARIOS, Scenario
-from sim.lab.workers.finished_cell import WorkerStartError
-from sim.lab.workers.submit import workers
-from sim.scenario.conditions import ConditionsError, RequestedConditions, named_conditions
-from sim.tuning.page import tuning_page
-from sim.tuning.settings_file import settings_text, write_settings
-from sim.tuning.space import SpaceError, space_of
-from sim.tuning.study import Measure, StudyError, TuningPlan, finished, go_on, open_study
-from sim.tuning.verdict import TuningVerdict, judge
+from wallride.runtime.settings.tree import SettingsError
+from wallride.sim.lab import laws
+from wallride.sim.lab.command import FIXED_SETTINGS, INTERRUPTED, USAGE_ERROR
+from wallride.sim.lab.pool import Measuring, in_order
+from wallride.sim.lab.tuning.drive import SCENARIOS, Scenario
+from wallride.sim.lab.workers.finished_cell import WorkerStartError
+from wallride.sim.lab.workers.submit import workers
+from wallride.sim.scenario.conditions import ConditionsError, RequestedConditions, named_conditions
+from wallride.sim.tuning.page import tuning_page
+from wallride.sim.tuning.settings_file import settings_text, write_settings
+from wallride.sim.tuning.space import SpaceError, space_of
+from wallride.sim.tuning.study import Measure, StudyError, TuningPlan, finished, go_on, open_study
+from wallride.sim.tuning.verdict import TuningVerdict, judge
 
 
 class TuneUsageError(Exception):

@@ -9,13 +9,13 @@ import optuna
 from optuna.importance import PedAnovaImportanceEvaluator, get_param_importances
 from optuna.trial import FrozenTrial
 
-from sim.lab.cell import TabledCell
-from sim.lab_report.page import html_table
-from sim.run_report.page import section, still_document
-from sim.run_report.scatter import ScatterPlot, scatter, shares
-from sim.tuning.study import TuningPlan, finished, values_of
-from sim.tuning.verdict import Comparison, TuningVerdict
-from sim.world.pose import Floats
+from wallride.sim.lab.cell import TabledCell
+from wallride.sim.lab_report.page import html_table
+from wallride.sim.run_report.page import section, still_document
+from wallride.sim.run_report.scatter import ScatterPlot, scatter, shares
+from wallride.sim.tuning.study import TuningPlan, finished, values_of
+from wallride.sim.tuning.verdict import Comparison, TuningVerdict
+from wallride.sim.world.pose import Floats
 
 MIN_TRIALS_FOR_IMPORTANCE = 10
 SHOWN_TRIALS = 10

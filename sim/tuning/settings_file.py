@@ -3,10 +3,10 @@
 import tomllib
 from pathlib import Path
 
-from runtime.parameters.toml_text import set_value
-from runtime.settings.tree import SettingsError, load_settings
-from sim.tuning.study import TuningPlan
-from sim.tuning.verdict import TuningVerdict
+from wallride.runtime.parameters.toml_text import set_value
+from wallride.runtime.settings.tree import SettingsError, load_settings
+from wallride.sim.tuning.study import TuningPlan
+from wallride.sim.tuning.verdict import TuningVerdict
 
 GIVEN = "given by --set"
 

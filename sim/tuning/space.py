@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from runtime.parameters.catalogue import Parameter, Value, ValueKind, catalogue, values
-from runtime.parameters.policy import is_looser
-from runtime.settings.tree import Settings
-from sim.lab.command import FIXED_SETTINGS
-from sim.lab.report.plan import GAIN_KEYS
+from wallride.runtime.parameters.catalogue import Parameter, Value, ValueKind, catalogue, values
+from wallride.runtime.parameters.policy import is_looser
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.lab.command import FIXED_SETTINGS
+from wallride.sim.lab.report.plan import GAIN_KEYS
 
 LOWEST_FACTOR, HIGHEST_FACTOR = 0.5, 2.0
 """Range of a number without one, as multiples of its present value."""

@@ -15,9 +15,9 @@ from optuna.storages import JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, Trial, TrialState
 
-from sim.lab.cell import Cell, Figures
-from sim.lab.tuning.drive import Scenario, cells, cost_of
-from sim.tuning.space import TunedParameter
+from wallride.sim.lab.cell import Cell, Figures
+from wallride.sim.lab.tuning.drive import Scenario, cells, cost_of
+from wallride.sim.tuning.space import TunedParameter
 
 BATCH = 4
 STARTUP_TRIALS = 16

@@ -8,10 +8,10 @@ import optuna
 from optuna.distributions import CategoricalDistribution
 from optuna.trial import FrozenTrial
 
-from sim.lab.cell import Figures
-from sim.lab.tuning.drive import HELD_OUT, Scenario
-from sim.tuning.study import FIRST_HELD_OUT_SEED, SEEDS, Measure, TuningPlan, finished, values_of
-from sim.world.pose import Floats
+from wallride.sim.lab.cell import Figures
+from wallride.sim.lab.tuning.drive import HELD_OUT, Scenario
+from wallride.sim.tuning.study import FIRST_HELD_OUT_SEED, SEEDS, Measure, TuningPlan, finished, values_of
+from wallride.sim.world.pose import Floats
 
 FINALISTS = 3
 NEIGHBOURS_SHARE = 20

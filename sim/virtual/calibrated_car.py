@@ -9,16 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.api import Drive, MotorState
-from runtime.calibration.trace import TraceBuilder
-from runtime.control.limiter import Limiter, Limits
-from runtime.control.vehicle import CarSettings
-from sim.car.vehicle import VehicleSettings
-from sim.car.wiring import NO_ERRORS, WiringErrors
-from sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
-from sim.virtual.twin_world import STEP_S, TwinWorld, WorldMotor
-from sim.world.beams import LidarSettings, scan
-from sim.world.place import World
+from wallride.drivers.api import Drive, MotorState
+from wallride.runtime.calibration.trace import TraceBuilder
+from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.car.wiring import NO_ERRORS, WiringErrors
+from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
+from wallride.sim.virtual.twin_world import STEP_S, TwinWorld, WorldMotor
+from wallride.sim.world.beams import LidarSettings, scan
+from wallride.sim.world.place import World
 
 SCAN_S, PUBLISHED = 0.025, 2
 REPORT_S, POLL_S = 0.05, 0.0203

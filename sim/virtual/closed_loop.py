@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drivers.api import Drive, MotorState, Scan
-from drivers.vesc.settings import VescSettings
-from runtime.arbitration.command import (
+from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.runtime.arbitration.command import (
     NO_LIMIT_MPS,
     Decision,
     DriveCommand,
@@ -23,16 +23,16 @@ from runtime.arbitration.command import (
     Verdict,
     arbitrate,
 )
-from runtime.control.guidance import Follower, Guard
-from runtime.control.limiter import Limiter, Limits
-from runtime.control.vehicle import CarSettings
-from sim.car.delay import DelayLine
-from sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle, VehicleSettings
-from sim.car.wiring import WiringConversion
-from sim.world.beams import LidarSettings, Millimetres, scan
-from sim.world.obstacles import Obstacle, ObstacleWorld
-from sim.world.place import Surroundings, World
-from sim.world.pose import CAR, Floats, Pose, Side, side_sign
+from wallride.runtime.control.guidance import Follower, Guard
+from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.car.delay import DelayLine
+from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle, VehicleSettings
+from wallride.sim.car.wiring import WiringConversion
+from wallride.sim.world.beams import LidarSettings, Millimetres, scan
+from wallride.sim.world.obstacles import Obstacle, ObstacleWorld
+from wallride.sim.world.place import Surroundings, World
+from wallride.sim.world.pose import CAR, Floats, Pose, Side, side_sign
 
 STEP_S = 0.0025
 RANGE_MIN_M, RANGE_MAX_M = 0.02, 30.0

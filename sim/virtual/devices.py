@@ -8,7 +8,7 @@ from typing import Never
 import numpy as np
 import numpy.typing as npt
 
-from drivers.api import Clock, Drive, Health, LinkState, MotorState, Scan
+from wallride.drivers.api import Clock, Drive, Health, LinkState, MotorState, Scan
 
 BEAMS = 1081
 STEP_RAD = math.radians(0.25)

@@ -13,16 +13,16 @@ from typing import Never
 import numpy as np
 import numpy.typing as npt
 
-from drivers.api import Clock, Drive, Health, LinkState, MotorState
-from drivers.vesc.settings import VescSettings
-from sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle, VehicleSettings
-from sim.car.wiring import NO_ERRORS, WiringConversion, WiringErrors
-from sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
-from sim.virtual.devices import MemoryLidar
-from sim.world.beams import LidarSettings, Millimetres, scan
-from sim.world.obstacles import Obstacle, ObstacleWorld
-from sim.world.place import World
-from sim.world.pose import Pose
+from wallride.drivers.api import Clock, Drive, Health, LinkState, MotorState
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle, VehicleSettings
+from wallride.sim.car.wiring import NO_ERRORS, WiringConversion, WiringErrors
+from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
+from wallride.sim.virtual.devices import MemoryLidar
+from wallride.sim.world.beams import LidarSettings, Millimetres, scan
+from wallride.sim.world.obstacles import Obstacle, ObstacleWorld
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Pose
 
 STEP_S = 0.0025
 UNPLUGGED_AFTER_S = 0.15

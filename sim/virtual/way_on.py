@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from sim.world.pose import CAR, Booleans, Floats, Pose
-from sim.world.segments import SegmentGeometry
+from wallride.sim.world.pose import CAR, Booleans, Floats, Pose
+from wallride.sim.world.segments import SegmentGeometry
 
 Whole = npt.NDArray[np.int64]
 

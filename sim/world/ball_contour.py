@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from sim.world.pose import Booleans, Floats, Side
+from wallride.sim.world.pose import Booleans, Floats, Side
 
 Cells = npt.NDArray[np.int64]
 

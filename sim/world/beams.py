@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from sim.world.own_parts import OWN_PARTS, profile, seen_with_parts
-from sim.world.place import Surroundings
-from sim.world.pose import STANDING, Booleans, Floats, Pose, Twist
+from wallride.sim.world.own_parts import OWN_PARTS, profile, seen_with_parts
+from wallride.sim.world.place import Surroundings
+from wallride.sim.world.pose import STANDING, Booleans, Floats, Pose, Twist
 
 Millimetres = npt.NDArray[np.int64]
 Complexes = npt.NDArray[np.complex128]
@@ -40,7 +40,7 @@ class LidarSettings(BaseModel):
     dropout_share: beams that report no return.
     dirty_sectors: (from_deg, to_deg, range_m), dirt on the window: these beams see nothing beyond range_m.
     self_returns: a part of the car at the right rear, within its outline. own_parts: further ones, by the names of
-        `sim.world.own_parts`, which hide what is behind them.
+        `wallride.sim.world.own_parts`, which hide what is behind them.
     motion_skew: each beam is measured at its own moment of the sweep; off: all at its end.
     """
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from drivers.accelerated import SWITCH, Accelerated, UnfitError
-from sim.world.free_rectangles import FreeRectangles
-from sim.world.pose import Floats, Pose
+from wallride.drivers.accelerated import SWITCH, Accelerated, UnfitError
+from wallride.sim.world.free_rectangles import FreeRectangles
+from wallride.sim.world.pose import Floats, Pose
 
 Scene = tuple[Any, ...]
 """The first arguments of the C of `cast_cells` or `cast_walls`."""

@@ -10,7 +10,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from sim.world.pose import Floats
+from wallride.sim.world.pose import Floats
 
 Indices = npt.NDArray[np.int64]
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sim.world.pose import Floats, Pose
+from wallride.sim.world.pose import Floats, Pose
 
 ON_THE_BORDER_M = 1e-6
 """Distance below which a point counts as on a piece's side, not inside: sides that lie on each other stay."""

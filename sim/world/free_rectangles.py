@@ -10,7 +10,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from sim.world.pose import Booleans, Floats
+from wallride.sim.world.pose import Booleans, Floats
 
 Cells = npt.NDArray[np.int64]
 Leaps = npt.NDArray[np.uint16]

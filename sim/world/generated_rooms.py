@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.world.floor_plan import FloorPlan
-from sim.world.place import START_DISTANCE_M, World
-from sim.world.pose import CAR, Pose
-from sim.world.segments import SegmentGeometry, box
+from wallride.sim.world.floor_plan import FloorPlan
+from wallride.sim.world.place import START_DISTANCE_M, World
+from wallride.sim.world.pose import CAR, Pose
+from wallride.sim.world.segments import SegmentGeometry, box
 
 MIN_WIDTH_M, MAX_WIDTH_M = 1.2, 3.0
 SHARPEST_DEG, BLUNTEST_DEG = 150.0, 60.0

@@ -9,12 +9,12 @@ from itertools import combinations
 
 import numpy as np
 
-from sim.world.floor_plan import FloorPlan
-from sim.world.generated_rooms import MAX_WIDTH_M, MIN_WIDTH_M, TRIES
-from sim.world.lap import Lap
-from sim.world.place import START_DISTANCE_M, World
-from sim.world.pose import Floats, Pose
-from sim.world.segments import SegmentGeometry
+from wallride.sim.world.floor_plan import FloorPlan
+from wallride.sim.world.generated_rooms import MAX_WIDTH_M, MIN_WIDTH_M, TRIES
+from wallride.sim.world.lap import Lap
+from wallride.sim.world.place import START_DISTANCE_M, World
+from wallride.sim.world.pose import Floats, Pose
+from wallride.sim.world.segments import SegmentGeometry
 
 MIN_REACH_M, MAX_REACH_M = 4.0, 8.0
 """Distance of a corner from the middle."""

@@ -13,11 +13,11 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from drivers.accelerated import accelerable
-from sim.world import compiled
-from sim.world.fan_cast import FanCast, is_fan
-from sim.world.free_rectangles import FreeRectangles
-from sim.world.pose import Booleans, Floats, Footprint, Pose, into_frame
+from wallride.drivers.accelerated import accelerable
+from wallride.sim.world import compiled
+from wallride.sim.world.fan_cast import FanCast, is_fan
+from wallride.sim.world.free_rectangles import FreeRectangles
+from wallride.sim.world.pose import Booleans, Floats, Footprint, Pose, into_frame
 
 Cells = npt.NDArray[np.int64]
 

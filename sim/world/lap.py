@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sim.world.pose import Floats
+from wallride.sim.world.pose import Floats
 
 
 class Lap:

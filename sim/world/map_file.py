@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from runtime.ros.yaml_file import YamlFileError, mappings, read_yaml
-from sim.world.grid import GridGeometry
-from sim.world.map_start import choose_start
-from sim.world.place import World
-from sim.world.pose import Booleans, Floats, Pose, Side
+from wallride.runtime.ros.yaml_file import YamlFileError, mappings, read_yaml
+from wallride.sim.world.grid import GridGeometry
+from wallride.sim.world.map_start import choose_start
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Booleans, Floats, Pose, Side
 
 log = logging.getLogger("wallride.map")
 

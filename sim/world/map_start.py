@@ -9,10 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.world.ball_contour import ENDLESS_M, Places, led_on, places
-from sim.world.grid import GridGeometry
-from sim.world.place import START_DISTANCE_M
-from sim.world.pose import Pose, Side, side_sign
+from wallride.sim.world.ball_contour import ENDLESS_M, Places, led_on, places
+from wallride.sim.world.grid import GridGeometry
+from wallride.sim.world.place import START_DISTANCE_M
+from wallride.sim.world.pose import Pose, Side, side_sign
 
 _BALLS_M = tuple(round(START_DISTANCE_M - 0.1 * step, 1) for step in range(6))
 """Candidate distances of the start from the wall: 1 m to 0.5 m."""

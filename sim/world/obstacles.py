@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sim.world.place import Surroundings, World
-from sim.world.pose import CAR, Floats, Footprint, Pose
-from sim.world.segments import SegmentGeometry, box
+from wallride.sim.world.place import Surroundings, World
+from wallride.sim.world.pose import CAR, Floats, Footprint, Pose
+from wallride.sim.world.segments import SegmentGeometry, box
 
 LIDAR_AHEAD_M = 0.27
 """Distance from the rear axle to the origin of distances "ahead of the lidar"."""

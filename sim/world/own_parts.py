@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from sim.world.pose import Booleans, Floats
+from wallride.sim.world.pose import Booleans, Floats
 
 RIM_BEAMS = 2
 """Number of beams at each end of a part that meet its edge."""

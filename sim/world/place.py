@@ -1,7 +1,7 @@
 """Static world that a car drives in: walls, a start, a side to follow, perhaps a lap. Ground truth for all tests.
 
-Not here: obstacles that appear or move (`sim.world.obstacles`), the lidar's measurement of the world
-(`sim.world.beams`).
+Not here: obstacles that appear or move (`wallride.sim.world.obstacles`), the lidar's measurement of the world
+(`wallride.sim.world.beams`).
 """
 
 from dataclasses import dataclass, replace
@@ -9,8 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
-from sim.world.lap import Lap
-from sim.world.pose import CAR, Floats, Footprint, Pose, Side, other_side, side_sign
+from wallride.sim.world.lap import Lap
+from wallride.sim.world.pose import CAR, Floats, Footprint, Pose, Side, other_side, side_sign
 
 START_DISTANCE_M = 1.0
 """Distance of every default start pose from the followed wall; less only on maps too narrow for it."""
@@ -31,7 +31,7 @@ class Surroundings(Protocol):
 
 
 class Geometry(Protocol):
-    """Walls, independent of their storage (`sim.world.segments`, `sim.world.grid`)."""
+    """Walls, independent of their storage (`wallride.sim.world.segments`, `wallride.sim.world.grid`)."""
 
     @property
     def outline_m(self) -> Floats:
@@ -58,7 +58,8 @@ class World:
     start: a pose from which to follow the wall, parallel to it, room_m from it.
     side: the side on which the followed wall is at the start.
     lap: how progress is measured where the world closes on itself, else None.
-    room_m: the largest distance up to START_DISTANCE_M at which the followed wall leads far enough (`sim.map_start`).
+    room_m: the largest distance up to START_DISTANCE_M at which the followed wall leads far enough
+    (`wallride.sim.map_start`).
     """
 
     name: str

@@ -1,7 +1,8 @@
 """Race tracks generated from a seed: closed, smooth, of one width. "track:seed=7", "track:seed=7,width=2.5,length=80".
 
 The centre line goes clockwise round a middle, at a distance that is a sum of waves, so it never crosses itself; the
-followed wall on the left is the outer one. `sim.world.generated_tracks` has tracks of lanes and corners instead.
+followed wall on the left is the outer one. `wallride.sim.world.generated_tracks` has tracks of lanes and corners
+instead.
 """
 
 import math
@@ -9,10 +10,10 @@ import re
 
 import numpy as np
 
-from sim.world.lap import Lap
-from sim.world.place import START_DISTANCE_M, World
-from sim.world.pose import Floats, Pose
-from sim.world.segments import SegmentGeometry, chain
+from wallride.sim.world.lap import Lap
+from wallride.sim.world.place import START_DISTANCE_M, World
+from wallride.sim.world.pose import Floats, Pose
+from wallride.sim.world.segments import SegmentGeometry, chain
 
 PREFIX = "track"
 WIDTH_M, LENGTH_M = 2.2, 50.0

@@ -8,10 +8,10 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from drivers.accelerated import accelerable
-from sim.world import compiled
-from sim.world.fan_cast import EDGE_ON, FanCast, is_fan
-from sim.world.pose import Booleans, Floats, Footprint, Pose, into_frame
+from wallride.drivers.accelerated import accelerable
+from wallride.sim.world import compiled
+from wallride.sim.world.fan_cast import EDGE_ON, FanCast, is_fan
+from wallride.sim.world.pose import Booleans, Floats, Footprint, Pose, into_frame
 
 _NO_SEGMENTS = np.empty((0, 4))
 _NO_CIRCLES = np.empty((0, 3))

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.world.lap import Lap
-from sim.world.place import World
-from sim.world.pose import Floats, Pose, Side
-from sim.world.race_tracks import is_track, named_track
-from sim.world.segments import SegmentGeometry, box, chain
+from wallride.sim.world.lap import Lap
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Floats, Pose, Side
+from wallride.sim.world.race_tracks import is_track, named_track
+from wallride.sim.world.segments import SegmentGeometry, box, chain
 
 _AT_ORIGIN = Pose(0.0, 0.0, 0.0)
 _MAP_SUFFIXES = (".yaml", ".yml")
@@ -32,7 +32,7 @@ def load_world(name: str | Path, *, side: Side | None = None, seed: int = 0) -> 
         FileNotFoundError: the map does not exist.
     """
     if isinstance(name, Path) or is_map(name):
-        from sim.world.map_file import load_map
+        from wallride.sim.world.map_file import load_map
 
         return load_map(Path(name), side=side or "left")
     if is_track(name):

@@ -5,16 +5,16 @@ import asyncio
 import time
 from contextlib import asynccontextmanager
 
-from runtime.control.vehicle import CarSettings
-from runtime.realtime.wall_clock import WallClock
-from runtime.settings.telemetry import RatesHz
-from runtime.tasks.telemetry import Telemetry
-from runtime.telemetry.sinks import ZenohSink
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
 from tests.runtime.observed import GUIDANCE, make_observed, output_of, scan_at, speak
 from wallride import topic_options
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.settings.telemetry import RatesHz
+from wallride.runtime.tasks.telemetry import Telemetry
+from wallride.runtime.telemetry.sinks import ZenohSink
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
 
 
 @asynccontextmanager

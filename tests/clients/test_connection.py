@@ -8,7 +8,8 @@ import re
 import pytest
 
 import wallride
-from clients.connection import (
+from wallride.client_options import add_common
+from wallride.clients.connection import (
     ConnectionProblemError,
     check_session,
     connected,
@@ -17,13 +18,12 @@ from clients.connection import (
     keys_of,
     open_bus,
 )
-from clients.fleet.search import choose
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.network import BYTES
-from runtime.wire.ports import free_endpoint
-from runtime.wire.teleop import Beat, CarCondition
-from wallride.client_options import add_common
+from wallride.clients.fleet.search import choose
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import BYTES
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.teleop import Beat, CarCondition
 
 
 @pytest.fixture

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clients.decoding import UnreadableError, as_json, as_text, decode
-from runtime.ros import messages
-from runtime.ros.definitions import TYPES
-from runtime.wire import topics
-from runtime.wire.teleop import Beat, CarCondition
 from tests.runtime.ros.samples import SAMPLES
+from wallride.clients.decoding import UnreadableError, as_json, as_text, decode
+from wallride.runtime.ros import messages
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.teleop import Beat, CarCondition
 
 
 @pytest.mark.parametrize("topic", TYPES)

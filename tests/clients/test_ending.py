@@ -8,7 +8,7 @@ import pytest
 
 PROGRAM = """
 import asyncio
-from clients import ending
+from wallride.clients import ending
 
 async def deaf():
     while True:

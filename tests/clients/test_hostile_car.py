@@ -6,11 +6,11 @@ import json
 
 import pytest
 
-from runtime.recording import requests
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
 from wallride.cli import main
+from wallride.runtime.recording import requests
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
 
 EVIL = "\x1b[2J\x1b]0;owned\x07\n12:00:00 INFO forged: all is well\r\u202e\x9b31m"
 TEXTS = {
@@ -82,7 +82,7 @@ class HostileCar:
 
 @pytest.fixture
 async def car(monkeypatch):
-    monkeypatch.setattr("clients.connection.SETTLING_S", 0.02)
+    monkeypatch.setattr("wallride.clients.connection.SETTLING_S", 0.02)
     async with HostileCar() as car:
         yield car
 
@@ -109,7 +109,7 @@ async def test_what_cannot_be_read_is_a_sentence_that_names_the_car(odd, car, ca
 
 
 async def test_names_with_wildcards_are_no_cars(car, capsys, monkeypatch):
-    monkeypatch.setattr("clients.fleet.stop.GIVE_UP_S", 0.5)
+    monkeypatch.setattr("wallride.clients.fleet.stop.GIVE_UP_S", 0.5)
     _, text = await car.told("cars", capsys)
     assert [line.split()[0] for line in text.splitlines()] == ["car1"]
     code, text = await car.told("stop --all", capsys)

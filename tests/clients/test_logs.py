@@ -9,19 +9,19 @@ import time
 
 import pytest
 
-from clients import logs
-from clients.connection import ConnectionProblemError
-from runtime.realtime.wall_clock import WallClock
-from runtime.recording.recorder import Recorder
-from runtime.recording.recover import is_whole
-from runtime.recording.requests import GET, LIST, MAX_PIECE_B, RECORD, TRIM
-from runtime.settings.recording import RecordingSettings, recordings_folder
-from runtime.tasks import recorder as recorder_task
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.network import RefusedError
-from runtime.wire.ports import free_endpoint
 from wallride import logs_options
+from wallride.clients import logs
+from wallride.clients.connection import ConnectionProblemError
+from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.recording.recorder import Recorder
+from wallride.runtime.recording.recover import is_whole
+from wallride.runtime.recording.requests import GET, LIST, MAX_PIECE_B, RECORD, TRIM
+from wallride.runtime.settings.recording import RecordingSettings, recordings_folder
+from wallride.runtime.tasks import recorder as recorder_task
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import RefusedError
+from wallride.runtime.wire.ports import free_endpoint
 
 
 class Car:

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from clients import logs
-from clients.connection import ConnectionProblemError
-from runtime.recording.ring import MB, entries, folders, keep, trim
-from runtime.settings.recording import RecordingSettings, car_folder
 from wallride import logs_options
+from wallride.clients import logs
+from wallride.clients.connection import ConnectionProblemError
 from wallride.replay_options import found
+from wallride.runtime.recording.ring import MB, entries, folders, keep, trim
+from wallride.runtime.settings.recording import RecordingSettings, car_folder
 
 DRIVE = "20261121T084600Z-b0007-{:05d}.mcap"
 
@@ -115,8 +115,8 @@ async def test_an_odd_entry_or_folder_is_named_and_the_rest_is_listed_and_trimme
             raise PermissionError(13, "Permission denied")
         return entries(folder)
 
-    monkeypatch.setattr("clients.logs.entries", entries_but_of_car0)
-    monkeypatch.setattr("runtime.recording.ring.entries", entries_but_of_car0)
+    monkeypatch.setattr("wallride.clients.logs.entries", entries_but_of_car0)
+    monkeypatch.setattr("wallride.runtime.recording.ring.entries", entries_but_of_car0)
     code, text = await said("list", "--local")
     assert code == 0
     assert f"car1/{DRIVE.format(2)}   unreadable" in text

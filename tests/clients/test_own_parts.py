@@ -4,11 +4,11 @@ import argparse
 
 import pytest
 
-from clients import own_parts
-from clients.connection import ConnectionProblemError
-from runtime.recording.own_parts_memory import FILE
-from runtime.wire.ports import free_endpoint
 from wallride import own_parts_options
+from wallride.clients import own_parts
+from wallride.clients.connection import ConnectionProblemError
+from wallride.runtime.recording.own_parts_memory import FILE
+from wallride.runtime.wire.ports import free_endpoint
 
 
 @pytest.mark.parametrize("action", ["show", "forget"])

@@ -5,16 +5,16 @@ import json
 
 import pytest
 
-from clients import parameters
-from clients.connection import ConnectionProblemError
-from runtime.parameters.history import ChangeHistory
-from runtime.parameters.server import ParameterServer, ServerContext
-from runtime.settings.tree import Settings, load_settings
-from runtime.tasks.parameters import serve
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
 from wallride import param_options
+from wallride.clients import parameters
+from wallride.clients.connection import ConnectionProblemError
+from wallride.runtime.parameters.history import ChangeHistory
+from wallride.runtime.parameters.server import ParameterServer, ServerContext
+from wallride.runtime.settings.tree import Settings, load_settings
+from wallride.runtime.tasks.parameters import serve
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
 
 
 @pytest.mark.parametrize(

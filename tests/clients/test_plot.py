@@ -6,14 +6,14 @@ import math
 
 import pytest
 
-from clients import plot
-from clients.connection import ConnectionProblemError
-from clients.plot import Curve, curve_of, drawing, number_at
-from runtime.ros.definitions import encoding
-from runtime.ros.messages import ackermann, float32
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
+from wallride.clients import plot
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.plot import Curve, curve_of, drawing, number_at
+from wallride.runtime.ros.definitions import encoding
+from wallride.runtime.ros.messages import ackermann, float32
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
 
 STATUS = topics.encode({"scan_to_motor_ms": {"p99": 2.5}, "speed_mps": None, "state": "driving"})
 

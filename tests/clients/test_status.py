@@ -6,18 +6,18 @@ import math
 
 import pytest
 
-from clients import status
-from clients.connection import ConnectionProblemError
-from clients.status import headline, screen
-from runtime.arbitration.command import Source, Verdict, refusal
-from runtime.host.terminal_text import CLEAR_SCREEN
-from runtime.settings.telemetry import RatesHz
-from runtime.telemetry import status as car_status
-from runtime.telemetry.status import Journey
-from runtime.teleop.status import OperatorState, OperatorView
-from runtime.wire import topics
 from tests.clients.speaking_car import options, speaking_car
 from tests.runtime.observed import HandClock, lose, make_observed, output_of, speak
+from wallride.clients import status
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.status import headline, screen
+from wallride.runtime.arbitration.command import Source, Verdict, refusal
+from wallride.runtime.host.terminal_text import CLEAR_SCREEN
+from wallride.runtime.settings.telemetry import RatesHz
+from wallride.runtime.telemetry import status as car_status
+from wallride.runtime.telemetry.status import Journey
+from wallride.runtime.teleop.status import OperatorState, OperatorView
+from wallride.runtime.wire import topics
 
 VIEW = OperatorView(
     OperatorState.LOST, "anna", "00000000000000a1", 2, 120, 0.7, 0.012, "operator lost", "no operator", False, {},

@@ -7,17 +7,17 @@ import math
 import numpy as np
 import pytest
 
-from clients import topics
-from clients.connection import ConnectionProblemError
-from clients.topics import KINDS, RateMeter, split_topic
-from runtime.ros.definitions import TYPES
-from runtime.settings.telemetry import RatesHz
-from runtime.wire import topics as wire_topics
-from runtime.wire import zenoh_config
-from runtime.wire.bus import Bus
 from tests.clients.speaking_car import options, speaking_car
 from tests.runtime.observed import RANGES_M
 from tests.runtime.ros.samples import read_as_foxglove_does
+from wallride.clients import topics
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.topics import KINDS, RateMeter, split_topic
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.settings.telemetry import RatesHz
+from wallride.runtime.wire import topics as wire_topics
+from wallride.runtime.wire import zenoh_config
+from wallride.runtime.wire.bus import Bus
 
 
 async def test_the_list_names_every_topic_with_its_type_and_its_rate():

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.parameters.toml_text import set_value
+from wallride.runtime.parameters.toml_text import set_value
 
 ROOT = Path(__file__).resolve().parents[2]
 SECTION = re.compile(r"^## The car in five steps\n(.*?)^## ", re.MULTILINE | re.DOTALL)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from runtime.ros.definitions import TYPES, definition
-from runtime.wire import topics
+from wallride.runtime.ros.definitions import TYPES, definition
+from wallride.runtime.wire import topics
 
 LAYOUT = json.loads((Path(__file__).resolve().parents[2] / "docs" / "foxglove-layout.json").read_text())
 TEXTS = {topics.STATUS, topics.DECISION}

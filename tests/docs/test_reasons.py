@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.teleop.rejections import Refusal
+from wallride.runtime.teleop.rejections import Refusal
 
 ROOT = Path(__file__).resolve().parents[2]
 RUNTIME = ROOT / "runtime"

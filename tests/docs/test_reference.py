@@ -2,9 +2,9 @@
 
 import pytest
 
-from runtime.ros.definitions import TYPES
-from runtime.wire import topics, zenoh_config
 from wallride import reference
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.wire import topics, zenoh_config
 
 
 @pytest.mark.parametrize("name", ["settings.md", "topics.md", "commands.md", "states.md"])

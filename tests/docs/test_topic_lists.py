@@ -2,16 +2,16 @@
 
 import pytest
 
-from clients.plot import FIELDS
-from runtime.recording.recorder import PERIODS_S
-from runtime.ros.definitions import TYPES
-from runtime.ros.graph import PUBLISHED as ROS2_PUBLISHED
-from runtime.ros.graph import TF_ODOM
-from runtime.settings.telemetry import RatesHz
-from runtime.tasks import telemetry
-from runtime.wire import topics
 from tests.runtime.ros.samples import SAMPLES
 from wallride import reference
+from wallride.clients.plot import FIELDS
+from wallride.runtime.recording.recorder import PERIODS_S
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.ros.graph import PUBLISHED as ROS2_PUBLISHED
+from wallride.runtime.ros.graph import TF_ODOM
+from wallride.runtime.settings.telemetry import RatesHz
+from wallride.runtime.tasks import telemetry
+from wallride.runtime.wire import topics
 
 PUBLISHED = {*TYPES, *topics.JSON_TOPICS}
 APPENDED = {topics.OUTPUT, topics.DISTANCE_ERROR, topics.IMU}

@@ -2,7 +2,7 @@
 
 import pytest
 
-from drivers.fingerprint import Sources
+from wallride.drivers.fingerprint import Sources
 
 LAW = '''"""A law."""
 from math import sin

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import pytest
 
-from drivers.address import SerialAddress, TcpAddress, parse_address
-from drivers.api import LinkLost
-from drivers.link import open_link
+from wallride.drivers.address import SerialAddress, TcpAddress, parse_address
+from wallride.drivers.api import LinkLost
+from wallride.drivers.link import open_link
 
 PATIENCE_S = 5.0
 

@@ -8,9 +8,9 @@ from contextlib import suppress
 
 import pytest
 
-from drivers.address import TcpAddress
-from drivers.api import LinkLost
-from drivers.link import open_link
+from wallride.drivers.address import TcpAddress
+from wallride.drivers.api import LinkLost
+from wallride.drivers.link import open_link
 
 
 @pytest.fixture

@@ -8,10 +8,10 @@ import time
 
 import pytest
 
-from drivers import spare_descriptors
-from drivers.address import TcpAddress
-from drivers.api import LinkLost
-from drivers.link import open_link
+from wallride.drivers import spare_descriptors
+from wallride.drivers.address import TcpAddress
+from wallride.drivers.api import LinkLost
+from wallride.drivers.link import open_link
 
 
 @pytest.fixture

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from drivers.api import Drive
-from drivers.value import value
+from wallride.drivers.api import Drive
+from wallride.drivers.value import value
 
 
 @value(eq=False)

@@ -20,10 +20,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from runtime import kernel
 from tests.fuzz.file_targets import Files
 from tests.fuzz.mutation import mutated
 from tests.fuzz.wire_targets import seeds_of_wires
+from wallride.runtime import kernel
 
 SLOW_S = 0.5
 MAX_GROWN_KB = 200_000

@@ -9,15 +9,15 @@ import numpy as np
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores
 
-from clients import log_info
-from clients.connection import ConnectionProblemError
-from runtime.parameters.file import marked
-from runtime.recording.recover import RecoveryError, recover
-from runtime.security.access_list import KeysError, read_people
-from runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
-from sim.recordings.loading import load_recording
-from sim.recordings.recording import RecordingError
 from tests.sim.recordings.conftest import Stage, story
+from wallride.clients import log_info
+from wallride.clients.connection import ConnectionProblemError
+from wallride.runtime.parameters.file import marked
+from wallride.runtime.recording.recover import RecoveryError, recover
+from wallride.runtime.security.access_list import KeysError, read_people
+from wallride.runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
+from wallride.sim.recordings.loading import load_recording
+from wallride.sim.recordings.recording import RecordingError
 
 
 class Files:

@@ -9,17 +9,17 @@ import zipfile
 import numpy as np
 import pytest
 
-from drivers.api import printable
-from drivers.hokuyo.codec import ReplyBlock
-from drivers.hokuyo.replies import fields
-from drivers.vesc import replies
-from runtime.security.access_list import KeysError, read_people
-from runtime.settings.tree import SettingsError, load_settings
-from sim.recordings.loading import load_recording
-from sim.recordings.recording import RecordingError
 from tests.fuzz.__main__ import fuzz
 from tests.fuzz.file_targets import Files, _archive
 from tests.fuzz.wire_targets import seeds_of_wires
+from wallride.drivers.api import printable
+from wallride.drivers.hokuyo.codec import ReplyBlock
+from wallride.drivers.hokuyo.replies import fields
+from wallride.drivers.vesc import replies
+from wallride.runtime.security.access_list import KeysError, read_people
+from wallride.runtime.settings.tree import SettingsError, load_settings
+from wallride.sim.recordings.loading import load_recording
+from wallride.sim.recordings.recording import RecordingError
 
 COUNTS = {"scip": 1000, "vesc": 1000, "teleop": 1000, "parameters": 500, "page": 1000, "settings": 100, "people": 200,
           "mcap": 8, "bag": 8, "npz": 100}  # fmt: skip

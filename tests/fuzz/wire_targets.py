@@ -5,19 +5,19 @@ import random
 import struct
 from binascii import crc_hqx
 
-from clients.monitor import messages
-from drivers.api import ProtocolError
-from drivers.hokuyo.codec import ScipDeframer, checksum
-from drivers.hokuyo.ranges import RangeDecoder
-from drivers.hokuyo.replies import SensorParameters, fields
-from drivers.vesc import codec, replies
-from runtime.parameters.history import ChangeHistory
-from runtime.parameters.server import ParameterServer, ServerContext
-from runtime.parameters.update import UnacceptableError
-from runtime.settings.tree import Settings
-from runtime.wire.teleop import Beat, CarCondition, Command, Input, Malformed, Press, read_beat, read_command
-from sim.devices.vesc_replies import firmware_reply, imu_reply, values_reply
 from tests.runtime.operator_rig import Rig
+from wallride.clients.monitor import messages
+from wallride.drivers.api import ProtocolError
+from wallride.drivers.hokuyo.codec import ScipDeframer, checksum
+from wallride.drivers.hokuyo.ranges import RangeDecoder
+from wallride.drivers.hokuyo.replies import SensorParameters, fields
+from wallride.drivers.vesc import codec, replies
+from wallride.runtime.parameters.history import ChangeHistory
+from wallride.runtime.parameters.server import ParameterServer, ServerContext
+from wallride.runtime.parameters.update import UnacceptableError
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.wire.teleop import Beat, CarCondition, Command, Input, Malformed, Press, read_beat, read_command
+from wallride.sim.devices.vesc_replies import firmware_reply, imu_reply, values_reply
 
 SCAN_BEAMS = 27
 PRINT = 21  # a line of text, which a VESC sends at any time

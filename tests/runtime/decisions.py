@@ -3,8 +3,16 @@
 import math
 from dataclasses import dataclass, replace
 
-from drivers.api import Drive
-from runtime.arbitration.command import LAB_ORDER, Decision, DriveCommand, QueueEntry, Source, SpeedLimit, Verdict
+from wallride.drivers.api import Drive
+from wallride.runtime.arbitration.command import (
+    LAB_ORDER,
+    Decision,
+    DriveCommand,
+    QueueEntry,
+    Source,
+    SpeedLimit,
+    Verdict,
+)
 
 INF = math.inf
 NAN = math.nan

@@ -2,8 +2,8 @@
 
 import math
 
-from drivers.api import Drive, LinkState, Scan
-from runtime.arbitration.command import (
+from wallride.drivers.api import Drive, LinkState, Scan
+from wallride.runtime.arbitration.command import (
     LAB_ORDER,
     Decision,
     DriveCommand,
@@ -14,10 +14,10 @@ from runtime.arbitration.command import (
     consent,
     refusal,
 )
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.control.guidance import Guidance
-from runtime.telemetry.status import ObservedState
-from sim.virtual.devices import STEP_RAD, MemoryLidar, MemoryMotor, ranges_between_walls
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.telemetry.status import ObservedState
+from wallride.sim.virtual.devices import STEP_RAD, MemoryLidar, MemoryMotor, ranges_between_walls
 
 RANGES_M = ranges_between_walls(1.0, 1.0)
 GUIDANCE = Guidance(Drive(1.0, 0.1), 1.1, 0.125, 0.05, "wall")

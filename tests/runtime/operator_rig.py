@@ -2,14 +2,14 @@
 
 import math
 
-from drivers.api import Drive
-from runtime.arbitration.command import LAB_ORDER, DriveCommand, Source, arbitrate, consent
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.arbitration.emergency_stop import EmergencyStop
-from runtime.arbitration.permit import Permit
-from runtime.settings.operator import OperatorSettings
-from runtime.teleop.desk import OperatorDesk
-from runtime.wire.teleop import Command, Input, Press, read_beat
+from wallride.drivers.api import Drive
+from wallride.runtime.arbitration.command import LAB_ORDER, DriveCommand, Source, arbitrate, consent
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.arbitration.emergency_stop import EmergencyStop
+from wallride.runtime.arbitration.permit import Permit
+from wallride.runtime.settings.operator import OperatorSettings
+from wallride.runtime.teleop.desk import OperatorDesk
+from wallride.runtime.wire.teleop import Command, Input, Press, read_beat
 
 REQUIRED = frozenset({Source.SAFETY, Source.PERMIT})
 CAR_SESSION = 0xCAFE

@@ -2,8 +2,8 @@ import asyncio
 
 import pytest
 
-from runtime.ending import AGAIN_S, end
-from sim.virtual.virtual_time import run_virtual
+from wallride.runtime.ending import AGAIN_S, end
+from wallride.sim.virtual.virtual_time import run_virtual
 
 
 async def deaf(times):

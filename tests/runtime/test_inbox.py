@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from runtime.arbitration.queues import Inbox
+from wallride.runtime.arbitration.queues import Inbox
 
 
 class HandClock:

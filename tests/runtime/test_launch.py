@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from runtime import launch
-from runtime.host import logging_setup
-from runtime.recording import recorder
-from runtime.settings.tree import Settings
 from tests.promises import promise
 from tests.runtime.recording.drives import Drive
+from wallride.runtime import launch
+from wallride.runtime.host import logging_setup
+from wallride.runtime.recording import recorder
+from wallride.runtime.settings.tree import Settings
 
 
 class BrakedMotor:
@@ -99,8 +99,8 @@ async def test_the_recorder_is_closed_also_when_the_session_cannot_be():
 def test_a_process_whose_end_hangs_is_ended(memory, code):
     program = f"""
 import threading, time
-from runtime import launch
-from runtime.host import ending
+from wallride.runtime import launch
+from wallride.runtime.host import ending
 def no_thread(_):
     raise RuntimeError("can't start new thread")
 ending.MAX_ENDING_S = 0.2

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from drivers.api import Drive, MotorState, Scan
-from runtime.arbitration.command import DriveCommand, Source, SpeedLimit, arbitrate, consent
-from runtime.live_stack import REQUIRED, LiveStack
-from runtime.recording.decision_log import DecisionLog
-from runtime.settings.tree import load_settings
-from sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
 from tests.runtime.observed import HandClock
+from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.runtime.arbitration.command import DriveCommand, Source, SpeedLimit, arbitrate, consent
+from wallride.runtime.live_stack import REQUIRED, LiveStack
+from wallride.runtime.recording.decision_log import DecisionLog
+from wallride.runtime.settings.tree import load_settings
+from wallride.sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
 
 
 class Desk:

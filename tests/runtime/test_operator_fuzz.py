@@ -7,9 +7,9 @@ import tracemalloc
 
 import pytest
 
-from runtime.teleop.sessions import MAX_SESSIONS
-from runtime.wire.teleop import COMMAND_BYTES, Malformed, Press, read_command
 from tests.runtime.operator_rig import Rig
+from wallride.runtime.teleop.sessions import MAX_SESSIONS
+from wallride.runtime.wire.teleop import COMMAND_BYTES, Malformed, Press, read_command
 
 ROUNDS = 100_000
 MUTATED = 30_000

@@ -11,11 +11,11 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from runtime.arbitration.command import Source
-from runtime.arbitration.emergency_stop import Cause
-from runtime.teleop.sessions import MAX_SESSIONS
-from runtime.wire.teleop import Input, Press, is_stop
 from tests.runtime.operator_rig import CAR_SESSION, Rig
+from wallride.runtime.arbitration.command import Source
+from wallride.runtime.arbitration.emergency_stop import Cause
+from wallride.runtime.teleop.sessions import MAX_SESSIONS
+from wallride.runtime.wire.teleop import Input, Press, is_stop
 
 EXPIRY_S = 0.2
 FREE_S = 3.0

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from sim.virtual.way_on import AWAY_M, way_on
-from sim.world.floor_plan import FloorPlan
-from sim.world.generated_rooms import BLUNTEST_DEG, KINDS, SHARPEST_DEG, generated_room, kind_of
-from sim.world.generated_tracks import generated_track
-from sim.world.lap import LapCounter
-from sim.world.pose import CAR, Pose
-from sim.world.segments import SegmentGeometry, box, chain
+from wallride.sim.virtual.way_on import AWAY_M, way_on
+from wallride.sim.world.floor_plan import FloorPlan
+from wallride.sim.world.generated_rooms import BLUNTEST_DEG, KINDS, SHARPEST_DEG, generated_room, kind_of
+from wallride.sim.world.generated_tracks import generated_track
+from wallride.sim.world.lap import LapCounter
+from wallride.sim.world.pose import CAR, Pose
+from wallride.sim.world.segments import SegmentGeometry, box, chain
 
 
 @pytest.mark.parametrize("build", [generated_room, generated_track])

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.vesc.codec import MOTOR_PACKETS, Packet
-from sim.devices.scip import ScipEmulator
-from sim.devices.vesc import VescEmulator
-from sim.live.runtime_process import RuntimeProcess
-from sim.recordings.sensor_units import to_sensor_mm
-from sim.virtual.devices import ranges_between_walls
+from wallride.drivers.vesc.codec import MOTOR_PACKETS, Packet
+from wallride.sim.devices.scip import ScipEmulator
+from wallride.sim.devices.vesc import VescEmulator
+from wallride.sim.live.runtime_process import RuntimeProcess
+from wallride.sim.recordings.sensor_units import to_sensor_mm
+from wallride.sim.virtual.devices import ranges_between_walls
 
 ROOT = Path(__file__).resolve().parents[2]
 CORRIDOR_MM = to_sensor_mm(ranges_between_walls(1.0, 1.0), 0.02, 30.0)

@@ -16,11 +16,11 @@ from collections import Counter
 
 import numpy as np
 
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.network import BYTES
-from runtime.wire.ports import free_endpoint
-from runtime.wire.zenoh_config import client_config
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import BYTES
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.zenoh_config import client_config
 
 SHAPE = {
     topics.OUTPUT: (40.0, 60), topics.SCAN: (20.0, 4400), topics.ODOM: (20.0, 730), topics.STATUS: (10.0, 3000),

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import zenoh
 
-from runtime.wire.zenoh_config import Tls, client_config
+from wallride.runtime.wire.zenoh_config import Tls, client_config
 
 NONSENSE = os.urandom(60)
 LARGE = bytes(1_000_000)

@@ -23,14 +23,14 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from clients.keys.folder import KeyFolder
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
-from runtime.wire.teleop import Command, Input, Press
-from runtime.wire.zenoh_config import Person, Role, Tls, client_config
 from tests.system.bench import Bench, bench
 from tests.system.socket_motor import SocketVesc
+from wallride.clients.keys.folder import KeyFolder
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.teleop import Command, Input, Press
+from wallride.runtime.wire.zenoh_config import Person, Role, Tls, client_config
 
 CAR = "sim"
 ALL = (

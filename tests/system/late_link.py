@@ -8,15 +8,15 @@ from unittest import mock
 
 import numpy as np
 
-from drivers.hokuyo.driver import Hokuyo
-from drivers.link import ByteLink
-from runtime.app import Car
-from runtime.settings.tree import Settings
-from sim.virtual.devices import MemoryBus
-from sim.virtual.twin_world import TwinWorld, WorldMotor
-from sim.virtual.virtual_time import run_virtual
-from sim.world.worlds import load_world
 from tests.system.soak.scene import MemoryLidar
+from wallride.drivers.hokuyo.driver import Hokuyo
+from wallride.drivers.link import ByteLink
+from wallride.runtime.app import Car
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.virtual.devices import MemoryBus
+from wallride.sim.virtual.twin_world import TwinWorld, WorldMotor
+from wallride.sim.virtual.virtual_time import run_virtual
+from wallride.sim.world.worlds import load_world
 
 PERIOD_S: Final = 0.025
 NO_RETURN_MM: Final = 65533
@@ -129,7 +129,7 @@ class _Stage:
             end = scip.connect()
             return ByteLink(address, end.fileno(), lambda _lost: end.close(), clock)
 
-        with mock.patch("drivers.hokuyo.driver.open_link", open_link):
+        with mock.patch("wallride.drivers.hokuyo.driver.open_link", open_link):
             self._lidar = Hokuyo(settings.lidar, clock=clock)
             self._car = Car(settings, self._lidar, WorldMotor(twin, clock), MemoryBus(clock, listened_to=False), clock)
             turning = asyncio.get_running_loop().create_task(self._turn())

@@ -8,13 +8,13 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from drivers.vesc.codec import Packet
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
-from sim.live.runtime_process import WallrideProcess
 from tests.system.bench import Bench, bench
 from tests.system.radio import Radio
+from wallride.drivers.vesc.codec import Packet
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.sim.live.runtime_process import WallrideProcess
 
 CAR = "sim"
 FOR_EVER_S = 600.0

@@ -18,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from clients.monitor.outbox import FROM_CAR
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
-from runtime.wire.zenoh_config import client_config
 from tests.system.bench import bench
+from wallride.clients.monitor.outbox import FROM_CAR
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.zenoh_config import client_config
 
 CAR = "sim"
 SEGMENT_B = 1460

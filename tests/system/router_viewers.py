@@ -16,11 +16,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
-from clients.monitor.outbox import FROM_CAR
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
-from runtime.wire.zenoh_config import client_config
+from wallride.clients.monitor.outbox import FROM_CAR
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.zenoh_config import client_config
 
 ROUTER_NICE, VIEWERS_NICE = "15", "19"
 SETTLING_S = 4.0

@@ -11,10 +11,10 @@ import os
 import socket
 import sys
 
-from drivers import link
-from drivers.api import LinkLost
-from drivers.vesc import codec
-from sim.devices.vesc import VescEmulator
+from wallride.drivers import link
+from wallride.drivers.api import LinkLost
+from wallride.drivers.vesc import codec
+from wallride.sim.devices.vesc import VescEmulator
 
 
 class SocketVesc(VescEmulator):

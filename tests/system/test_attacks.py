@@ -15,12 +15,6 @@ from typing import Any
 
 import pytest
 
-from clients.keys.authority import Authority, KeyPair
-from runtime.wire.bus import Bus
-from runtime.wire.network import JSON, RefusedError
-from runtime.wire.ports import free_endpoint
-from runtime.wire.teleop import COMMAND_BYTES
-from runtime.wire.zenoh_config import Person, Role, Tls, car_config, client_config
 from tests.system.attacker import (
     ASKED,
     COMMAND,
@@ -34,6 +28,12 @@ from tests.system.attacker import (
     Attacker,
     Loot,
 )
+from wallride.clients.keys.authority import Authority, KeyPair
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import JSON, RefusedError
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.teleop import COMMAND_BYTES
+from wallride.runtime.wire.zenoh_config import Person, Role, Tls, car_config, client_config
 
 MODES = ("client", "peer", "router")
 PEOPLE = (

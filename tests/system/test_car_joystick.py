@@ -6,15 +6,15 @@ from functools import partial
 
 import pytest
 
-from clients.joystick.car_joystick import CarJoystick
-from clients.joystick.devices import LinuxPads
-from clients.joystick.evdev import EV_ABS, EV_KEY
-from clients.teleop.shaping import InputShape
-from runtime.app import Car, CarSurroundings
-from runtime.settings.tree import Settings
-from sim.virtual.devices import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
-from sim.virtual.virtual_time import run_virtual
 from tests.clients.joystick.fake_pads import LB, LEFT_Y, FakePad
+from wallride.clients.joystick.car_joystick import CarJoystick
+from wallride.clients.joystick.devices import LinuxPads
+from wallride.clients.joystick.evdev import EV_ABS, EV_KEY
+from wallride.clients.teleop.shaping import InputShape
+from wallride.runtime.app import Car, CarSurroundings
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.virtual.devices import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
+from wallride.sim.virtual.virtual_time import run_virtual
 
 LOST_WITHIN_S = 0.25
 SHAPE = InputShape(max_speed_mps=1.0, ramp_mps2=math.inf)

@@ -9,15 +9,15 @@ from datetime import UTC, datetime
 
 import pytest
 
-from clients.fleet.router import read_config
-from clients.keys.folder import KeyFolder
-from runtime.security.key_files import client_keys, uplink_sessions
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
-from runtime.wire.router_config import router_config
-from runtime.wire.uplink import Uplink, UplinkedBus
-from runtime.wire.zenoh_config import Person, Role, Tls, car_config, client_config
+from wallride.clients.fleet.router import read_config
+from wallride.clients.keys.folder import KeyFolder
+from wallride.runtime.security.key_files import client_keys, uplink_sessions
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.router_config import router_config
+from wallride.runtime.wire.uplink import Uplink, UplinkedBus
+from wallride.runtime.wire.zenoh_config import Person, Role, Tls, car_config, client_config
 
 NOW = datetime.now(UTC)
 MEMBERS = (
@@ -283,7 +283,7 @@ async def test_the_second_car_of_a_name_is_refused_seen_and_takes_no_commands(fl
 async def test_the_written_configuration_is_the_one_that_was_tested(fleet):
     from argparse import Namespace
 
-    from clients.keys.command import run
+    from wallride.clients.keys.command import run
 
     options = Namespace(
         action="router", name="track", dir=fleet, san=[], listen=[], at=None, scan_hz=10.0, days=30, renew=False

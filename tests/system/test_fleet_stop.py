@@ -6,11 +6,11 @@ from argparse import Namespace
 
 import pytest
 
-from clients.fleet.links import fleet_links
-from clients.fleet.stop import PERIOD_S, FleetStop
-from runtime.wire.ports import free_endpoint
 from tests.system.bench import bench
 from tests.system.test_uplink import router
+from wallride.clients.fleet.links import fleet_links
+from wallride.clients.fleet.stop import PERIOD_S, FleetStop
+from wallride.runtime.wire.ports import free_endpoint
 
 BOUND_S = 0.3
 CARS = ("car1", "car2")

@@ -10,10 +10,10 @@ import zenoh
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 
-from runtime.ros.definitions import SCHEMA_ENCODING, definition
-from runtime.wire.ports import free_endpoint
-from sim.live.runtime_process import WallrideProcess
 from tests.runtime.ros.test_messages import AckermannDriveStamped, LaserScan
+from wallride.runtime.ros.definitions import SCHEMA_ENCODING, definition
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.sim.live.runtime_process import WallrideProcess
 
 pytestmark = pytest.mark.timeout(60)
 TOPICS = ("scan", "odom", "output", "status")

@@ -7,18 +7,18 @@ import time
 
 import pytest
 
-from clients.parameters import ask
-from drivers.api import Drive
-from runtime.app import Car, CarSurroundings
-from runtime.arbitration.command import DriveCommand, Source
-from runtime.settings.tree import Settings, load_settings
-from runtime.wire import zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.car_bus import CarBus
-from runtime.wire.network import RefusedError
-from runtime.wire.ports import free_endpoint
-from sim.virtual.devices import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
-from sim.virtual.virtual_time import run_virtual
+from wallride.clients.parameters import ask
+from wallride.drivers.api import Drive
+from wallride.runtime.app import Car, CarSurroundings
+from wallride.runtime.arbitration.command import DriveCommand, Source
+from wallride.runtime.settings.tree import Settings, load_settings
+from wallride.runtime.wire import zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.car_bus import CarBus
+from wallride.runtime.wire.network import RefusedError
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.sim.virtual.devices import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
+from wallride.sim.virtual.virtual_time import run_virtual
 
 SCAN_S = 0.025
 # The scans do not move with the car, which only the report's laws do not mind.

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from runtime.host.address_file import read_address
-from runtime.wire.ports import free_endpoint
-from sim.live.runtime_process import RuntimeProcess, WallrideProcess
-from sim.live.saved_settings import saved_settings
 from tests.promises import promise
 from tests.runtime.recording.reading import streamed
+from wallride.runtime.host.address_file import read_address
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.sim.live.runtime_process import RuntimeProcess, WallrideProcess
+from wallride.sim.live.saved_settings import saved_settings
 
 STRAY = ("Traceback", "asyncio", "Exception ignored", "never retrieved", "Event loop is closed", "KeyboardInterrupt")
 

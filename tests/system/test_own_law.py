@@ -10,16 +10,16 @@ import time
 import numpy as np
 import pytest
 
-from drivers.vesc.codec import Packet
-from sim.live.emulate_command import write_settings
-from sim.live.runtime_process import RuntimeProcess
 from tests.sim.live.emulated import car, running
 from tests.system.bench import bench
 from tests.system.operated import operated
 from wallride.cli import main
+from wallride.drivers.vesc.codec import Packet
 from wallride.lab import LawError, run
 from wallride.new.gap_follower import GapFollower
 from wallride.new.pd_follower import PdFollower
+from wallride.sim.live.emulate_command import write_settings
+from wallride.sim.live.runtime_process import RuntimeProcess
 
 LAW = """import time
 from wallride.laws import Guidance

@@ -10,17 +10,17 @@ from pathlib import Path
 import pytest
 
 import wallride
-from runtime.ros import messages
-from runtime.ros.graph import DRIVE, access
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.car_bus import CarBus
-from runtime.wire.network import CDR
-from runtime.wire.ports import free_endpoint
-from runtime.wire.rmw_zenoh import Distro, RosGraph, attachment
-from runtime.wire.zenoh_config import Person, Role, car_config, client_config
 from tests.system.operated import CAR, operated
 from tests.system.test_attacks import keys, tls  # noqa: F401 - keys is a fixture
+from wallride.runtime.ros import messages
+from wallride.runtime.ros.graph import DRIVE, access
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.car_bus import CarBus
+from wallride.runtime.wire.network import CDR
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.rmw_zenoh import Distro, RosGraph, attachment
+from wallride.runtime.wire.zenoh_config import Person, Role, car_config, client_config
 
 pytestmark = pytest.mark.timeout(90)
 DRIVER = Path(__file__).resolve().parents[2] / "docs" / "examples" / "ros2_drive.py"
@@ -174,7 +174,9 @@ async def test_a_planners_certificate_feeds_its_own_source_and_nothing_else(keys
             for _ in range(10):
                 for key, payload in [(own, b"own"), *((key, b"evil") for key in forbidden)]:
                     session.put(key, payload)
-                    await asyncio.sleep(0.005)  # of a burst only the first message gets in (runtime.wire.ingress)
+                    await asyncio.sleep(
+                        0.005
+                    )  # of a burst only the first message gets in (wallride.runtime.wire.ingress)
                     session.delete(key)
                     await asyncio.sleep(0.005)
                     car.poll()

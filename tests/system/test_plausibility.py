@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from drivers.vesc.codec import Packet
-from runtime.control.perception.plausibility import BACKWARDS
-from sim.lab.stories import Story, tell
-from sim.world.worlds import load_world
 from tests.promises import promise
 from tests.system.bench import STARTS_WITHIN_S, Bench, bench
+from wallride.drivers.vesc.codec import Packet
+from wallride.runtime.control.perception.plausibility import BACKWARDS
+from wallride.sim.lab.stories import Story, tell
+from wallride.sim.world.worlds import load_world
 
 BRAKE_WITHIN_S = 0.25
 """0.1 s on a quiet machine; a loaded one answers later, and speed is no matter of this test."""

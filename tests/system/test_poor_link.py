@@ -6,9 +6,9 @@ import time
 import numpy as np
 import pytest
 
-from runtime.wire import topics
 from tests.system.operated import HAND_MPS, operated
 from tests.system.poor_link import NAMES, PoorLink, Quality, measure
+from wallride.runtime.wire import topics
 
 STALL_S = 3.0
 EXPIRY_S = 0.5

@@ -7,9 +7,9 @@ import time
 
 import pytest
 
-from drivers.vesc.codec import Packet
 from tests.promises import promise
 from tests.system.bench import BLOCKED_MM, CORRIDOR_MM, bench
+from wallride.drivers.vesc.codec import Packet
 
 BRAKE_WITHIN_S = 0.25
 """From the last good scan to the first brake on the wire."""

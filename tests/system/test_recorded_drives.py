@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.api import Scan
-from runtime.control.report.laws import ReportFollower
-from runtime.control.report.settings import ReportFollowSettings
-from sim.figures.comparison import ComparedSteering, compare, drove, recorded_answers
-from sim.recordings import load_recording
+from wallride.drivers.api import Scan
+from wallride.runtime.control.report.laws import ReportFollower
+from wallride.runtime.control.report.settings import ReportFollowSettings
+from wallride.sim.figures.comparison import ComparedSteering, compare, drove, recorded_answers
+from wallride.sim.recordings import load_recording
 
 RACECAR = Path(__file__).resolve().parents[2] / ".." / "shared" / "data" / "racecar"
 MAX_STEERING_RAD = 0.34

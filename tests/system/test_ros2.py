@@ -9,16 +9,16 @@ import pytest
 import zenoh
 from zenoh import ext
 
-from runtime.ros.graph import PUBLISHED, TF_ODOM, TF_STATIC, access
-from runtime.wire.bus import Bus
-from runtime.wire.car_bus import CarBus
-from runtime.wire.network import CDR
-from runtime.wire.ports import free_endpoint
-from runtime.wire.rmw_zenoh import GRAPH as TOKENS
-from runtime.wire.rmw_zenoh import Distro, RosGraph, attachment
-from runtime.wire.zenoh_config import car_config, client_config
 from tests.system.operated import operated
 from tests.system.test_attacks import PEOPLE, keys, tls  # noqa: F401 - keys is a fixture
+from wallride.runtime.ros.graph import PUBLISHED, TF_ODOM, TF_STATIC, access
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.car_bus import CarBus
+from wallride.runtime.wire.network import CDR
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.rmw_zenoh import GRAPH as TOKENS
+from wallride.runtime.wire.rmw_zenoh import Distro, RosGraph, attachment
+from wallride.runtime.wire.zenoh_config import car_config, client_config
 
 pytestmark = pytest.mark.timeout(90)
 RECEIVER = Path(__file__).with_name("ros2_receiver.py")

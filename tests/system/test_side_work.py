@@ -4,12 +4,12 @@ import asyncio
 
 import pytest
 
-from runtime.app import Car
-from runtime.settings.tree import load_settings
-from sim.virtual.devices import MemoryBus
-from sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor
-from sim.virtual.virtual_time import run_virtual
-from sim.world.worlds import load_world
+from wallride.runtime.app import Car
+from wallride.runtime.settings.tree import load_settings
+from wallride.sim.virtual.devices import MemoryBus
+from wallride.sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor
+from wallride.sim.virtual.virtual_time import run_virtual
+from wallride.sim.world.worlds import load_world
 
 SETTINGS = ("operator.permit=always", "battery.settle_s=0", "recording.enabled=false", "wall_follow.speed_mps=1.0")
 
@@ -38,13 +38,13 @@ async def drive():
 @pytest.mark.parametrize(
     ("mistake", "named"),
     [
-        ("runtime.telemetry.topic_writers.TopicWriters._diagnostics", "writing diagnostics failed "),
-        ("runtime.telemetry.sinks.ZenohSink.take", "sending output failed "),
-        ("runtime.control.score.Score.add", "telemetry failed "),
-        ("runtime.arbitration.driving_state.DrivingStateMonitor.update", "telemetry failed "),
-        ("runtime.control.live_laws.LiveLaws.learn", "learning failed "),
-        ("runtime.tasks.own_parts.OwnPartsKeeper.is_due", "the file of own parts failed "),
-        ("sim.virtual.devices.MemoryBus.poll", "polling the network failed "),
+        ("wallride.runtime.telemetry.topic_writers.TopicWriters._diagnostics", "writing diagnostics failed "),
+        ("wallride.runtime.telemetry.sinks.ZenohSink.take", "sending output failed "),
+        ("wallride.runtime.control.score.Score.add", "telemetry failed "),
+        ("wallride.runtime.arbitration.driving_state.DrivingStateMonitor.update", "telemetry failed "),
+        ("wallride.runtime.control.live_laws.LiveLaws.learn", "learning failed "),
+        ("wallride.runtime.tasks.own_parts.OwnPartsKeeper.is_due", "the file of own parts failed "),
+        ("wallride.sim.virtual.devices.MemoryBus.poll", "polling the network failed "),
     ],
 )
 def test_a_mistake_beside_the_way_does_not_end_the_drive_and_is_named(monkeypatch, mistake, named):
@@ -57,6 +57,6 @@ def test_a_mistake_beside_the_way_does_not_end_the_drive_and_is_named(monkeypatc
 
 @pytest.mark.parametrize("mistake", ["look", "follow"])
 def test_a_mistake_of_what_decides_ends_the_drive(monkeypatch, mistake):
-    monkeypatch.setattr(f"runtime.control.live_laws.LiveLaws.{mistake}", broken)
+    monkeypatch.setattr(f"wallride.runtime.control.live_laws.LiveLaws.{mistake}", broken)
     with pytest.raises(ExceptionGroup):
         run_virtual(drive())

@@ -8,18 +8,18 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from clients.decoding import decode
-from drivers.api import Drive, LinkState
-from runtime.app import Car
-from runtime.arbitration.command import DriveCommand, Source
-from runtime.arbitration.permit import NOT_GRANTED
-from runtime.settings.tree import Settings
-from sim.lab import stories
-from sim.lab.stories import STORIES, tell
-from sim.virtual.devices import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
-from sim.virtual.virtual_time import run_virtual
-from sim.world.beams import LidarSettings
-from sim.world.obstacles import ConstantMotion, person
+from wallride.clients.decoding import decode
+from wallride.drivers.api import Drive, LinkState
+from wallride.runtime.app import Car
+from wallride.runtime.arbitration.command import DriveCommand, Source
+from wallride.runtime.arbitration.permit import NOT_GRANTED
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.lab import stories
+from wallride.sim.lab.stories import STORIES, tell
+from wallride.sim.virtual.devices import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
+from wallride.sim.virtual.virtual_time import run_virtual
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.obstacles import ConstantMotion, person
 
 CORRIDOR = ranges_between_walls(1.0, 1.0)
 BLOCKED = ranges_between_walls(1.0, 1.0, ahead_m=0.8)

@@ -9,15 +9,15 @@ from itertools import pairwise
 
 import pytest
 
-from clients.fleet.router import bench_config
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
-from runtime.wire.zenoh_config import client_config
 from tests.system.bench import bench
 from tests.system.faults.test_router import holding
 from tests.system.operated import operated
 from tests.system.soak.operator import HAND_MPS
+from wallride.clients.fleet.router import bench_config
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.zenoh_config import client_config
 
 CAR = "sim"
 AWAY_S = 2.5

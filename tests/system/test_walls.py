@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from sim.world.worlds import load_world
 from wallride.cli import main
+from wallride.sim.world.worlds import load_world
 
 ROOT = Path(__file__).resolve().parents[2]
 DRIVE_S = 11.0

@@ -6,10 +6,10 @@ import time
 
 import pytest
 
-from drivers.vesc.codec import Packet
-from runtime.host.stop_signals import STOP_SIGNALS
 from tests.system.bench import bench
 from tests.system.way_out import WAYS
+from wallride.drivers.vesc.codec import Packet
+from wallride.runtime.host.stop_signals import STOP_SIGNALS
 
 BRAKE_WITHIN_S = 0.25
 

@@ -16,14 +16,14 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-from clients.decoding import decode
-from drivers.vesc.codec import Packet, VescDeframer
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
-from sim.live.screen import address_in
 from tests.clients.monitor.browser import Browser, Page, chromium
 from tests.runtime.recording.reading import STORE, streamed
+from wallride.clients.decoding import decode
+from wallride.drivers.vesc.codec import Packet, VescDeframer
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.sim.live.screen import address_in
 
 CAR = "sim"
 OPERATOR = "ann@laptop"

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 from typing import cast
 
-from runtime import launch
+from wallride.runtime import launch
 
 
 def leave() -> None:

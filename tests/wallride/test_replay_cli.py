@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from runtime.recording.decision_codec import decode
-from runtime.recording.decision_log import SettingsEvent
-from runtime.recording.laws_fingerprint import laws_fingerprint
-from sim.replay import reenact
-from sim.replay.drive_log import DriveLog
 from tests.sim.replay.recorded import record
 from wallride import replay_options, report_options
+from wallride.runtime.recording.decision_codec import decode
+from wallride.runtime.recording.decision_log import SettingsEvent
+from wallride.runtime.recording.laws_fingerprint import laws_fingerprint
+from wallride.sim.replay import reenact
+from wallride.sim.replay.drive_log import DriveLog
 
 
 @pytest.fixture(scope="module")

@@ -46,8 +46,8 @@ def _step(text: str) -> str:
 
 def run(options: argparse.Namespace) -> int:
     """Calibrate; exit code 2 with one line for what the user can correct."""
-    from clients.calibration.command import run as calibrate
-    from clients.connection import ConnectionProblemError
+    from wallride.clients.calibration.command import run as calibrate
+    from wallride.clients.connection import ConnectionProblemError
 
     try:
         return calibrate(options)

@@ -4,9 +4,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from runtime.host.terminal_text import say
 from wallride.failure import fail
 from wallride.parser import DEFAULT_CONFIG, add_set, default_config
+from wallride.runtime.host.terminal_text import say
 
 GROUPS = ("program", "computer", "ports", "lidar", "motor", "access", "joystick")
 CONFIRMED = "wheels up"

@@ -42,11 +42,11 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(options: argparse.Namespace) -> int:
     """Emulate until Ctrl-C."""
-    from sim.live.stop_request import StopRequest
     from wallride.failure import needs
+    from wallride.sim.live.stop_request import StopRequest
 
     stop = StopRequest()
     with stop.listening():
         with needs("sim", "the emulated car needs"):
-            from sim.live.emulate_command import emulate
+            from wallride.sim.live.emulate_command import emulate
         return emulate(options, stop)

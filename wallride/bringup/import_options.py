@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.host.terminal_text import say
 from wallride.failure import fail, needs
+from wallride.runtime.host.terminal_text import say
 
 if TYPE_CHECKING:
-    from runtime.ros.yaml_file import YamlFile
     from wallride.bringup.ros_mapping import Imported
+    from wallride.runtime.ros.yaml_file import YamlFile
 
 MAX_SPEED = "car.max_speed_mps"
 KINDS = ("generic", "mit-racecar-v2", "f1tenth")
@@ -38,8 +38,8 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def run(options: argparse.Namespace) -> int:
     """Convert; exit code 2 with one line where a file or a value cannot be used."""
-    from runtime.parameters.file import StoreError
-    from runtime.settings.tree import SettingsError
+    from wallride.runtime.parameters.file import StoreError
+    from wallride.runtime.settings.tree import SettingsError
 
     if not options.files and options.car is None:
         return fail("name a file, or a kind of car with --car")
@@ -67,8 +67,8 @@ class ImportFailure(Exception):  # noqa: N818 - what happened, not a kind of err
 
 
 def _converted(files: list[Path]) -> "Imported":
-    from runtime.ros.yaml_file import mappings
     from wallride.bringup.ros_mapping import RosParameter, convert, parameters
+    from wallride.runtime.ros.yaml_file import mappings
 
     found: list[RosParameter] = []
     notes: list[str] = []
@@ -85,7 +85,7 @@ def _converted(files: list[Path]) -> "Imported":
 def _read(file: Path) -> "YamlFile":
     with needs("car", "parameter files need"):
         import ruamel.yaml  # noqa: F401 - its absence is told with its remedy
-    from runtime.ros.yaml_file import YamlFileError, mappings, read_yaml
+    from wallride.runtime.ros.yaml_file import YamlFileError, mappings, read_yaml
 
     try:
         content = read_yaml(file)
@@ -101,9 +101,9 @@ def _written(imported: "Imported", options: argparse.Namespace) -> str:
     import tempfile
     import tomllib
 
-    from runtime.parameters.file import replace
-    from runtime.parameters.toml_text import set_value
-    from runtime.settings.tree import load_settings
+    from wallride.runtime.parameters.file import replace
+    from wallride.runtime.parameters.toml_text import set_value
+    from wallride.runtime.settings.tree import load_settings
     from wallride.service.parts import shipped
 
     output: Path | None = options.output
@@ -134,7 +134,7 @@ def _written(imported: "Imported", options: argparse.Namespace) -> str:
 
 def _keep_the_speed_limit(imported: "Imported", document: Mapping[str, Any]) -> None:
     """Take no limit that is above the present one: clamps of ERPM are often those of the motor, not of a car."""
-    from runtime.control.vehicle import CarSettings
+    from wallride.runtime.control.vehicle import CarSettings
 
     speed_mps = imported.settings.get(MAX_SPEED)
     car = document.get("car")

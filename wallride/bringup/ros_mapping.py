@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from runtime.ros.yaml_file import number
+from wallride.runtime.ros.yaml_file import number
 
 SHARED: Final = frozenset({"", "/**", "vesc_driver", "vesc_driver_node"})
 """Nodes whose speed_min and speed_max are in ERPM; others of these names are in m/s."""

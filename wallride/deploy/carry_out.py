@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from runtime.host.terminal_text import one_line
 from wallride.deploy.facts import CarFacts, DeployError, read_facts
 from wallride.deploy.plan import DeployPlan, Wishes, make_plan, place_of, refuse_full_disk
 from wallride.deploy.ssh import NOT_SSH, SshConnection
 from wallride.deploy.transfer import Shipment, absent_wheels, send
 from wallride.deploy.wheelhouse import build_wheel, cache_folder, gather, this_platform
+from wallride.runtime.host.terminal_text import one_line
 
 NOT_READY: Final = 3
 """Exit code of install.sh, and ours: the service is not ready with the version that was to be used."""

@@ -3,8 +3,8 @@
 import argparse
 from pathlib import Path
 
-from runtime.host.terminal_text import say
 from wallride.failure import fail, needs
+from wallride.runtime.host.terminal_text import say
 
 MIN_KEPT, MAX_KEPT = 2, 99
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Final, Self, cast
 
-from runtime.host.terminal_text import one_line, say
 from wallride.deploy.car_process import CarProcess, TooMuchError
 from wallride.deploy.facts import DeployError
+from wallride.runtime.host.terminal_text import one_line, say
 
 ON_CAR: Final = (Path(__file__).parent / "on_car.sh").read_text(encoding="utf-8")
 LIVENESS: Final = ("ConnectTimeout=10", "ServerAliveInterval=5", "ServerAliveCountMax=3")

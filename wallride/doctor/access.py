@@ -4,13 +4,13 @@ from collections.abc import Awaitable, Callable
 from datetime import UTC, datetime
 from typing import Final
 
-from runtime.security.access_list import KeysError
-from runtime.security.key_files import car_keys
-from runtime.settings.tree import Settings
-from runtime.wire.endpoints import is_tls, split_endpoint
-from runtime.wire.port_holder import holder_of
 from wallride.doctor.computer import Computer
 from wallride.doctor.findings import Finding, fail, ok, warn
+from wallride.runtime.security.access_list import KeysError
+from wallride.runtime.security.key_files import car_keys
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.wire.endpoints import is_tls, split_endpoint
+from wallride.runtime.wire.port_holder import holder_of
 
 Holder = Callable[[str], Awaitable[str]]
 PAGE_PORT: Final = 8447

@@ -4,11 +4,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from runtime.host.computer import HOT_C, ComputerReading, read_computer
-from runtime.settings.recording import RecordingSettings, car_folder
-from runtime.settings.tree import Settings
 from wallride.doctor.computer import REALTIME_PRIORITY, Computer
 from wallride.doctor.findings import Finding, fail, ok, warn
+from wallride.runtime.host.computer import HOT_C, ComputerReading, read_computer
+from wallride.runtime.settings.recording import RecordingSettings, car_folder
+from wallride.runtime.settings.tree import Settings
 
 UNIT: Final = "/etc/systemd/system/wallride.service"
 SERVICE_RECORDINGS: Final = "/var/lib/wallride/recordings"

@@ -5,8 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from runtime.settings.tree import Settings, SettingsError, load_settings
-from runtime.wire.port_holder import holder_of
 from wallride.doctor.access import Holder, check_access
 from wallride.doctor.computer import Computer
 from wallride.doctor.condition import check_condition
@@ -20,6 +18,8 @@ from wallride.doctor.places import colliding_places
 from wallride.doctor.ports import check_ports
 from wallride.doctor.program import check_program
 from wallride.doctor.wheels_up import Ask, measure_wheels_up
+from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
+from wallride.runtime.wire.port_holder import holder_of
 
 ACTIVE: Final = "/run/systemd/units/invocation:wallride.service"
 """A link that systemd keeps while the unit is active."""

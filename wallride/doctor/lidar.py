@@ -7,11 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from drivers.api import Health, LinkState, Scan
-from drivers.hokuyo.driver import Hokuyo
-from drivers.hokuyo.settings import HokuyoSettings
-from runtime.ending import end
 from wallride.doctor.findings import Finding, fail, ok, warn
+from wallride.drivers.api import Health, LinkState, Scan
+from wallride.drivers.hokuyo.driver import Hokuyo
+from wallride.drivers.hokuyo.settings import HokuyoSettings
+from wallride.runtime.ending import end
 
 WANTED_SCANS: Final = 20
 PATIENCE_S: Final = 8.0

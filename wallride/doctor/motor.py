@@ -6,13 +6,13 @@ import time
 from dataclasses import dataclass
 from typing import Final
 
-from drivers.api import Health, LinkState, MotorState
-from drivers.vesc.driver import Vesc
-from drivers.vesc.replies import Firmware
-from drivers.vesc.settings import VescSettings
-from runtime.control.battery import FULL_CELL_V, USB_ONLY_V, BatterySettings
-from runtime.ending import end
 from wallride.doctor.findings import Finding, fail, ok, warn
+from wallride.drivers.api import Health, LinkState, MotorState
+from wallride.drivers.vesc.driver import Vesc
+from wallride.drivers.vesc.replies import Firmware
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.runtime.control.battery import FULL_CELL_V, USB_ONLY_V, BatterySettings
+from wallride.runtime.ending import end
 
 PATIENCE_S: Final = 7.0
 OBSERVED_S: Final = 1.3

@@ -2,11 +2,11 @@
 
 from typing import Final
 
-from drivers.address import parse_address
-from drivers.vesc import settings_link
-from drivers.vesc.app_config import APPS, PPM_APPS, AppConfig, decode_app_config
-from drivers.vesc.settings import VescSettings
 from wallride.doctor.findings import Finding, fail, ok, warn
+from wallride.drivers.address import parse_address
+from wallride.drivers.vesc import settings_link
+from wallride.drivers.vesc.app_config import APPS, PPM_APPS, AppConfig, decode_app_config
+from wallride.drivers.vesc.settings import VescSettings
 
 MAX_TIMEOUT_S: Final = 0.2
 MIN_BRAKE_A: Final = 5.0

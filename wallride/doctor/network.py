@@ -4,10 +4,10 @@ import ipaddress
 from dataclasses import dataclass
 from typing import Final
 
-from drivers.address import TcpAddress, parse_address
-from runtime.settings.tree import Settings
 from wallride.doctor.computer import Computer
 from wallride.doctor.findings import Finding, fail, ok, warn
+from wallride.drivers.address import TcpAddress, parse_address
+from wallride.runtime.settings.tree import Settings
 
 SUBJECT: Final = "lidar network"
 _COLUMNS: Final = 8

@@ -5,11 +5,11 @@ import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from runtime.app import history_file
-from runtime.recording.own_parts_memory import file_in
-from runtime.settings.recording import car_folder
-from runtime.settings.tree import Settings
 from wallride.doctor.ports import serial_paths
+from wallride.runtime.app import history_file
+from wallride.runtime.recording.own_parts_memory import file_in
+from wallride.runtime.settings.recording import car_folder
+from wallride.runtime.settings.tree import Settings
 
 
 def colliding_places(settings: Settings, files: Sequence[Path | None]) -> list[str]:

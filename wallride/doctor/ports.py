@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from drivers.address import SerialAddress, parse_address
-from runtime.settings.tree import Settings
 from wallride.doctor.computer import Computer, read
 from wallride.doctor.findings import Finding, fail, ok, warn
+from wallride.drivers.address import SerialAddress, parse_address
+from wallride.runtime.settings.tree import Settings
 
 RULES: Final = "/etc/udev/rules.d/99-wallride.rules"
 RAW: Final = ("/dev/ttyACM", "/dev/ttyUSB")

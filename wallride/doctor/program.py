@@ -2,15 +2,15 @@
 
 from typing import Final
 
-from runtime.control.methods import own_law_mistakes
-from runtime.control.own_laws.law_class import loaded_files
-from runtime.host.ownership import changed_by_others
-from runtime.kernel import state
-from runtime.settings.tree import Settings
 from wallride.doctor.computer import Computer
 from wallride.doctor.condition import UNIT
 from wallride.doctor.findings import Finding, fail, ok, warn
 from wallride.doctor.ports import RULES
+from wallride.runtime.control.methods import own_law_mistakes
+from wallride.runtime.control.own_laws.law_class import loaded_files
+from wallride.runtime.host.ownership import changed_by_others
+from wallride.runtime.kernel import state
+from wallride.runtime.settings.tree import Settings
 
 WANTED: Final = "/etc/systemd/system/multi-user.target.wants/wallride.service"
 BUILD: Final = "wallride build-kernel"

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Final
 
-from runtime.host.terminal_text import one_line
 from wallride.doctor.findings import Finding, Level, worst
+from wallride.runtime.host.terminal_text import one_line
 
 EXIT_CODES: Final = {Level.OK: 0, Level.WARN: 1, Level.FAIL: 2}
 _SUBJECT_CHARS: Final = 22

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from drivers.api import Drive, MotorState
-from drivers.vesc.driver import Vesc
-from drivers.vesc.settings import VescSettings
-from runtime.ending import end
 from wallride.doctor.findings import Finding, Level, fail, ok, warn
 from wallride.doctor.motor_config import SET_TIMEOUT, judge_timeout
+from wallride.drivers.api import Drive, MotorState
+from wallride.drivers.vesc.driver import Vesc
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.runtime.ending import end
 
 Ask = Callable[[str], bool | None]
 """Asks a question; None without an answer."""

@@ -43,5 +43,5 @@ def add(experiments: "Commands") -> None:
 
 def _run(options: argparse.Namespace) -> int:
     with needs("sim", "the simulator needs"):
-        from sim.lab_report.command import run
+        from wallride.sim.lab_report.command import run
     return run(options)

@@ -38,7 +38,7 @@ def add(experiments: "Commands") -> None:
 
 def _run(options: argparse.Namespace) -> int:
     with needs("sim", "the simulator needs"):
-        import sim.lab.command  # noqa: F401 - which extra is missing
+        import wallride.sim.lab.command  # noqa: F401 - which extra is missing
     with needs("tune", "tuning needs"):
-        from sim.tuning.command import run
+        from wallride.sim.tuning.command import run
     return run(options)

@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from runtime.host.terminal_text import say
 from wallride import client_options
+from wallride.runtime.host.terminal_text import say
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
@@ -57,18 +57,18 @@ def add(commands: "Commands") -> None:
 
 
 def _stop(options: argparse.Namespace) -> int:
-    from clients.fleet import stop
+    from wallride.clients.fleet import stop
 
     return client_options.run_client(stop.run, options)
 
 
 def _router(options: argparse.Namespace) -> int:
-    from clients.fleet import router
+    from wallride.clients.fleet import router
 
     return client_options.run_client(router.run, options)
 
 
 def _race(options: argparse.Namespace) -> int:
-    from clients.fleet import race_command
+    from wallride.clients.fleet import race_command
 
     return client_options.run_client(race_command.run, options)

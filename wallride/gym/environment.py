@@ -13,17 +13,17 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from drivers.api import MotorState
-from runtime.control.limiter import Limiter, Limits
-from runtime.control.vehicle import CarSettings
-from sim.car.vehicle_settings import VehicleSettings
-from sim.scenario.obstacle_text import read_obstacle
-from sim.virtual.closed_loop import RANGE_MAX_M
-from sim.virtual.twin_world import TwinWorld, WorldMotor
-from sim.world.beams import LidarSettings
-from sim.world.lap import LapCounter
-from sim.world.pose import Pose, Side
-from sim.world.worlds import load_world
+from wallride.drivers.api import MotorState
+from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.car.vehicle_settings import VehicleSettings
+from wallride.sim.scenario.obstacle_text import read_obstacle
+from wallride.sim.virtual.closed_loop import RANGE_MAX_M
+from wallride.sim.virtual.twin_world import TwinWorld, WorldMotor
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.lap import LapCounter
+from wallride.sim.world.pose import Pose, Side
+from wallride.sim.world.worlds import load_world
 
 Observation = dict[str, npt.NDArray[np.float32]]
 LATENCY_S = 0.02

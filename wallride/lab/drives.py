@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from runtime.control.own_laws.law_class import register
-from sim.lab.sweep.drive_cell import DriveCell, LawError, drive_setup, setup_of
-from sim.virtual.closed_loop import SimulatedRun
+from wallride.runtime.control.own_laws.law_class import register
+from wallride.sim.lab.sweep.drive_cell import DriveCell, LawError, drive_setup, setup_of
+from wallride.sim.virtual.closed_loop import SimulatedRun
 
 FRICTION_MU = 0.8
 __all__ = ["LawError", "run"]

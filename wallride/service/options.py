@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from runtime.host.terminal_text import say
 from wallride.failure import fail
+from wallride.runtime.host.terminal_text import say
 
 RUNNING: Final = Path("run/systemd/system")
 RELOADED: Final = (

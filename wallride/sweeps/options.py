@@ -33,7 +33,7 @@ def _run(options: argparse.Namespace) -> int:
 
 def _add_sweep(experiments: "Commands") -> None:
     sweep = _command(
-        experiments, "sweep", "sim.lab.sweep.command",
+        experiments, "sweep", "wallride.sim.lab.sweep.command",
         "runs declared in a file, into a table; goes on where it was interrupted",
         "Runs what a TOML file declares (a grid, random values) into an SQLite table. Each run counts "
         "once: the same command again runs only what is missing.",
@@ -51,7 +51,7 @@ def _add_sweep(experiments: "Commands") -> None:
 
 def _add_compare(experiments: "Commands") -> None:
     compare = _command(
-        experiments, "compare", "sim.lab.compare.command",
+        experiments, "compare", "wallride.sim.lab.compare.command",
         "whether two sweeps differ: paired differences with bootstrap intervals",
         "Compares two tables, sweeps or settings files run by run, and says which figures differ. "
         "FILE:law=report takes a part of one.",
@@ -69,7 +69,7 @@ def _add_compare(experiments: "Commands") -> None:
 
 def _add_scenario(experiments: "Commands") -> None:
     scenario = _command(
-        experiments, "scenario", "sim.scenario.command",
+        experiments, "scenario", "wallride.sim.scenario.command",
         "drives scenario files in virtual time: pass or fail for each expectation",
         "Drives scenario files in virtual time, with the whole process, and says what each expectation "
         "came to. Exit code 1 when one fails, 2 for a mistake in a file. wallride sim FILE plays one in real time.",

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from drivers.vesc.replies import Firmware
+from wallride.drivers.vesc.replies import Firmware
 
 
 class BackupError(Exception):

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from drivers.address import Address
-from drivers.api import LinkLost
-from drivers.vesc.app_config import AppConfig, change_app_config, decode_app_config, layout_of, unlike_places
-from drivers.vesc.replies import HARDWARE_VESC, Firmware
-from drivers.vesc.settings_link import VescSettingsLink
 from wallride.doctor.motor_config import BY_TOOL_SERVO, BY_TOOL_TIMEOUT
+from wallride.drivers.address import Address
+from wallride.drivers.api import LinkLost
+from wallride.drivers.vesc.app_config import AppConfig, change_app_config, decode_app_config, layout_of, unlike_places
+from wallride.drivers.vesc.replies import HARDWARE_VESC, Firmware
+from wallride.drivers.vesc.settings_link import VescSettingsLink
 from wallride.vesc import backup
 from wallride.vesc.standstill import why_not_idle
 

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.host.terminal_text import say
 from wallride.client_options import between
 from wallride.failure import fail
 from wallride.parser import DEFAULT_CONFIG, add_set, default_config
+from wallride.runtime.host.terminal_text import say
 
 if TYPE_CHECKING:
     from wallride.vesc.change import SettingsWish
@@ -58,9 +58,9 @@ def run(options: argparse.Namespace) -> int:
     """Change it; exit code 2 with one line where nothing was changed."""
     import asyncio
 
-    from drivers.address import parse_address
-    from runtime.settings.tree import SettingsError, load_settings
     from wallride.doctor.computer import this_computer
+    from wallride.drivers.address import parse_address
+    from wallride.runtime.settings.tree import SettingsError, load_settings
     from wallride.vesc import change
     from wallride.vesc.backup import backup_folder
     from wallride.vesc.port import refuse_taken_port

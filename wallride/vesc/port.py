@@ -1,10 +1,10 @@
 """Whether a car's own program has the VESC now: then nothing is written into it."""
 
-from runtime.settings.tree import Settings
 from wallride.doctor.computer import Computer
 from wallride.doctor.examine import ACTIVE, STOP_FIRST
 from wallride.doctor.findings import Level
 from wallride.doctor.ports import check_ports
+from wallride.runtime.settings.tree import Settings
 from wallride.vesc.change import VescChangeError
 
 

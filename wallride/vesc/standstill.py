@@ -4,8 +4,8 @@ import asyncio
 import time
 from typing import Final
 
-from drivers.vesc.replies import STATUS_TIMED_OUT, Values
-from drivers.vesc.settings_link import VescSettingsLink
+from wallride.drivers.vesc.replies import STATUS_TIMED_OUT, Values
+from wallride.drivers.vesc.settings_link import VescSettingsLink
 
 OBSERVED_S: Final = 0.5
 ASK_EVERY_S: Final = 0.02

@@ -7,7 +7,7 @@ this runs where an error is the law's fault (`LawRunner.call`).
 import math
 from typing import TypeVar
 
-from runtime.host.user_module import shown_text
+from wallride.runtime.host.user_module import shown_text
 
 MAX_REASON = 60
 A = TypeVar("A")

@@ -10,8 +10,8 @@ from typing import Literal
 
 import numpy as np
 
-from runtime.control.perception.geometry import Floats
-from runtime.settings_base import Section
+from wallride.runtime.control.perception.geometry import Floats
+from wallride.runtime.settings_base import Section
 
 
 class LawSettings(Section):

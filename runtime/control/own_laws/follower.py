@@ -4,16 +4,16 @@ import math
 
 import numpy as np
 
-from drivers.api import Clock, Drive, MotorState, Scan
-from runtime.control.guidance import Guidance
-from runtime.control.own_laws.answer import WrongAnswerError, number, of_kind, shown, text
-from runtime.control.own_laws.api import LawGuidance
-from runtime.control.own_laws.law_class import LawClass
-from runtime.control.own_laws.runner import LawRunner, StateReader, scan_for_law
-from runtime.control.own_laws.settings import OwnFollowSettings
-from runtime.control.perception.geometry import Floats
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.vehicle import CarSettings
+from wallride.drivers.api import Clock, Drive, MotorState, Scan
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.own_laws.answer import WrongAnswerError, number, of_kind, shown, text
+from wallride.runtime.control.own_laws.api import LawGuidance
+from wallride.runtime.control.own_laws.law_class import LawClass
+from wallride.runtime.control.own_laws.runner import LawRunner, StateReader, scan_for_law
+from wallride.runtime.control.own_laws.settings import OwnFollowSettings
+from wallride.runtime.control.perception.geometry import Floats
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.vehicle import CarSettings
 
 
 class OwnFollower:

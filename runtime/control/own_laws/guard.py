@@ -5,16 +5,16 @@ A law of the user stands under the whole guard; the report's, which is a baselin
 
 from dataclasses import dataclass, replace
 
-from drivers.api import Clock, MotorState, Scan
-from runtime.arbitration.command import Verdict
-from runtime.control.own_laws.answer import WrongAnswerError, number, of_kind, shown, text
-from runtime.control.own_laws.api import LawLimit
-from runtime.control.own_laws.law_class import LawClass
-from runtime.control.own_laws.runner import LawRunner, OwnSection, StateReader, WantedDrive, scan_for_law
-from runtime.control.perception.view import View
-from runtime.control.report.laws import ReportGuard
-from runtime.control.report.settings import ReportSafetySettings
-from runtime.control.safety.swept import SweptAssessment, SweptGuard
+from wallride.drivers.api import Clock, MotorState, Scan
+from wallride.runtime.arbitration.command import Verdict
+from wallride.runtime.control.own_laws.answer import WrongAnswerError, number, of_kind, shown, text
+from wallride.runtime.control.own_laws.api import LawLimit
+from wallride.runtime.control.own_laws.law_class import LawClass
+from wallride.runtime.control.own_laws.runner import LawRunner, OwnSection, StateReader, WantedDrive, scan_for_law
+from wallride.runtime.control.perception.view import View
+from wallride.runtime.control.report.laws import ReportGuard
+from wallride.runtime.control.report.settings import ReportSafetySettings
+from wallride.runtime.control.safety.swept import SweptAssessment, SweptGuard
 
 
 @dataclass(slots=True, eq=False)

@@ -11,8 +11,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from runtime.control.own_laws.api import LawSettings
-from runtime.host.user_module import UserCodeError, file_of, import_module, shown
+from wallride.runtime.control.own_laws.api import LawSettings
+from wallride.runtime.host.user_module import UserCodeError, file_of, import_module, shown
 
 OWN_TAG = "module:Class"
 """Form of the name, and its place in the lists of methods."""

@@ -8,15 +8,15 @@ import math
 from collections.abc import Callable
 from typing import Any, Literal, Protocol, TypeVar
 
-from drivers.api import Clock, MotorState
-from runtime.control.own_laws.answer import WrongAnswerError
-from runtime.control.own_laws.api import LawScan, LawSettings, LawState
-from runtime.control.own_laws.law_class import LawClass
-from runtime.control.perception.odometry import Odometry
-from runtime.control.perception.view import View
-from runtime.control.vehicle import CarSettings
-from runtime.host.stop_signals import STOP_SIGNALS_HELD
-from runtime.host.user_module import is_of_the_process, place_of, shown_text, told
+from wallride.drivers.api import Clock, MotorState
+from wallride.runtime.control.own_laws.answer import WrongAnswerError
+from wallride.runtime.control.own_laws.api import LawScan, LawSettings, LawState
+from wallride.runtime.control.own_laws.law_class import LawClass
+from wallride.runtime.control.perception.odometry import Odometry
+from wallride.runtime.control.perception.view import View
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.host.stop_signals import STOP_SIGNALS_HELD
+from wallride.runtime.host.user_module import is_of_the_process, place_of, shown_text, told
 
 SLOW_IN_A_ROW = 3
 """Number of answers in a row over the budget that are a fault."""

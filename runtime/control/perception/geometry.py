@@ -5,8 +5,8 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from drivers.accelerated import accelerated
-from drivers.api import Scan
+from wallride.drivers.accelerated import accelerated
+from wallride.drivers.api import Scan
 
 Floats = npt.NDArray[np.float64]
 Booleans = npt.NDArray[np.bool_]

@@ -13,11 +13,11 @@ import math
 
 import numpy as np
 
-from drivers.api import MotorState
-from runtime.control.perception.geometry import Booleans, beyond
-from runtime.control.perception.lidar_health_settings import LidarHealthSettings
-from runtime.control.perception.view import BODY_BEYOND_RAD, View
-from runtime.control.perception.window_dirt import (
+from wallride.drivers.api import MotorState
+from wallride.runtime.control.perception.geometry import Booleans, beyond
+from wallride.runtime.control.perception.lidar_health_settings import LidarHealthSettings
+from wallride.runtime.control.perception.view import BODY_BEYOND_RAD, View
+from wallride.runtime.control.perception.window_dirt import (
     SMUDGE_NEARER_THAN_M,
     Evidence,
     LearningShares,

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from runtime.settings_base import Section
+from wallride.runtime.settings_base import Section
 
 
 class LidarHealthSettings(Section):

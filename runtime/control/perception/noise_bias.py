@@ -9,8 +9,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from drivers.accelerated import accelerated
-from runtime.control.perception.geometry import Floats
+from wallride.drivers.accelerated import accelerated
+from wallride.runtime.control.perception.geometry import Floats
 
 Indices = npt.NDArray[np.intp]
 

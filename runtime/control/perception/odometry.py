@@ -2,9 +2,9 @@
 
 import math
 
-from drivers.accelerated import accelerated
-from drivers.api import MotorState
-from drivers.value import value
+from wallride.drivers.accelerated import accelerated
+from wallride.drivers.api import MotorState
+from wallride.drivers.value import value
 
 
 @value()

@@ -22,11 +22,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drivers.api import Scan
-from runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.rear_places import Beams, around, expected_m, on_the_line, seen_again
-from runtime.control.perception.view import DOUBTED_BEYOND_RAD, DOUBTED_NEARER_THAN_M, View, supported
+from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.rear_places import Beams, around, expected_m, on_the_line, seen_again
+from wallride.runtime.control.perception.view import DOUBTED_BEYOND_RAD, DOUBTED_NEARER_THAN_M, View, supported
 
 PLACES_NEARER_THAN_M = 1.1
 """Maximum range of stored places: farther ones are seen nearer before they pass behind the shoulder."""

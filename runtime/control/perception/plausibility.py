@@ -15,10 +15,10 @@ Pure and deterministic; slow computations run in `learn`, after the answer is se
 import math
 from dataclasses import dataclass
 
-from drivers.api import MotorState, Scan
-from runtime.control.perception.odometry import Odometry, OdometryState
-from runtime.control.perception.scan_shift import Agreement, compare_shift
-from runtime.control.vehicle import CarSettings
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.control.perception.odometry import Odometry, OdometryState
+from wallride.runtime.control.perception.scan_shift import Agreement, compare_shift
+from wallride.runtime.control.vehicle import CarSettings
 
 FROZEN_AFTER_M = 0.3
 CHECKED_OVER_M = 0.3

@@ -6,7 +6,7 @@ Places are complex numbers x + iy [m]; in the lidar frame an angle of one is a b
 import numpy as np
 import numpy.typing as npt
 
-from runtime.control.perception.geometry import Booleans, Floats, Places
+from wallride.runtime.control.perception.geometry import Booleans, Floats, Places
 
 Beams = npt.NDArray[np.intp]
 

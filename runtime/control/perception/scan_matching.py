@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from runtime.control.perception.geometry import Booleans, Floats, Places
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.view import View
+from wallride.runtime.control.perception.geometry import Booleans, Floats, Places
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.view import View
 
 KEYFRAME_S = 0.5
 KEYFRAME_M, KEYFRAME_RAD = 0.6, 0.4

@@ -11,8 +11,8 @@ from enum import Enum
 
 import numpy as np
 
-from drivers.api import Scan
-from runtime.control.perception.geometry import Floats, points_m, sector
+from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.geometry import Floats, points_m, sector
 
 Shift = tuple[float, float, float]
 """Shift x_m, y_m, yaw_rad of base_link, in its earlier frame."""

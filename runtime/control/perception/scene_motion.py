@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.control.perception.geometry import Floats, Places
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.view import View
+from wallride.runtime.control.perception.geometry import Floats, Places
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.view import View
 
 EVERY_M, EVERY_RAD = 0.09, 0.1
 FROM_M, WITHIN_M = 1.0, 8.0

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from drivers.accelerated import accelerated
-from drivers.api import Scan
-from drivers.value import value
-from runtime.control.perception.geometry import Booleans, Floats, bearings_rad, beyond, directions
-from runtime.control.vehicle import CarSettings
+from wallride.drivers.accelerated import accelerated
+from wallride.drivers.api import Scan
+from wallride.drivers.value import value
+from wallride.runtime.control.perception.geometry import Booleans, Floats, bearings_rad, beyond, directions
+from wallride.runtime.control.vehicle import CarSettings
 
 SUPPORT_WITHIN_M = 0.15
 """Maximum difference in range of neighbours on the same object; 2 of 4 make a beam credible."""

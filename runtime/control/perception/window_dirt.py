@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from drivers.accelerated import accelerated
-from runtime.control.perception.geometry import Booleans, Floats
-from runtime.control.perception.view import DIRT_STANDS_OUT_M, View
+from wallride.drivers.accelerated import accelerated
+from wallride.runtime.control.perception.geometry import Booleans, Floats
+from wallride.runtime.control.perception.view import DIRT_STANDS_OUT_M, View
 
 NEIGHBOUR_BEAMS = (40, 60)
 """Distances in beams to the left and right, 10 and 15 degrees, at which dirt is compared with its surroundings."""

@@ -12,9 +12,9 @@ from collections.abc import Generator
 import numpy as np
 import numpy.typing as npt
 
-from runtime.control.perception.geometry import Booleans, Floats, Places
-from runtime.control.safety.footprint import Outline
-from runtime.control.safety.rear_memory import RememberedView
+from wallride.runtime.control.perception.geometry import Booleans, Floats, Places
+from wallride.runtime.control.safety.footprint import Outline
+from wallride.runtime.control.safety.rear_memory import RememberedView
 
 Whole = npt.NDArray[np.intp]
 

@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from drivers.api import MotorState, Scan
-from runtime.control.guidance import Follower, Guidance
-from runtime.control.recovery.way_out import HELP, TRAFFIC, Recovery
-from runtime.control.safety.swept import SweptGuard
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.control.guidance import Follower, Guidance
+from wallride.runtime.control.recovery.way_out import HELP, TRAFFIC, Recovery
+from wallride.runtime.control.safety.swept import SweptGuard
 
 
 class RecoveringFollower:

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.api import Drive, MotorState
-from runtime.control.recovery.floor_map import blocked_floor
-from runtime.control.recovery.pose_search import Goal, Leg, Move, PoseSearch, WayOut
-from runtime.control.recovery.traffic import Traffic
-from runtime.control.safety.moving_obstacles import STOOD_S
-from runtime.control.safety.swept import STANDING_MPS, SweptAssessment
-from runtime.control.safety.swept_settings import RecoverySettings
+from wallride.drivers.api import Drive, MotorState
+from wallride.runtime.control.recovery.floor_map import blocked_floor
+from wallride.runtime.control.recovery.pose_search import Goal, Leg, Move, PoseSearch, WayOut
+from wallride.runtime.control.recovery.traffic import Traffic
+from wallride.runtime.control.safety.moving_obstacles import STOOD_S
+from wallride.runtime.control.safety.swept import STANDING_MPS, SweptAssessment
+from wallride.runtime.control.safety.swept_settings import RecoverySettings
 
 SETTLING_S = 0.3
 """Time for the servo to reach the angle of a leg: it needs 0.2 s from end to end; the plan assumes it to be there."""

@@ -10,13 +10,13 @@ import math
 from dataclasses import replace
 from typing import Literal
 
-from drivers.api import Drive, MotorState, Scan
-from runtime.arbitration.command import NO_LIMIT_MPS
-from runtime.control.guidance import Follower, Guidance, Verdict
-from runtime.control.perception.geometry import Floats
-from runtime.control.report.measures import WallMeasures, measured, middle_beam_m, range_ahead_m
-from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
-from runtime.control.vehicle import CarSettings
+from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.runtime.arbitration.command import NO_LIMIT_MPS
+from wallride.runtime.control.guidance import Follower, Guidance, Verdict
+from wallride.runtime.control.perception.geometry import Floats
+from wallride.runtime.control.report.measures import WallMeasures, measured, middle_beam_m, range_ahead_m
+from wallride.runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
+from wallride.runtime.control.vehicle import CarSettings
 
 STEEP_RAD = math.pi / 3
 

@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from drivers.api import Scan
-from runtime.control.perception.geometry import Floats, points_m, sector
+from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.geometry import Floats, points_m, sector
 
 NONSENSE_BELOW_M = 0.2
 """Ranges up to this are dropped, as the report has it: dust on the window reads as centimetres."""

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from runtime.control.perception.geometry import Floats, any_nearer
-from runtime.control.safety.body import LOOK_SPARE_M
-from runtime.control.safety.emergency_manoeuvre import (
+from wallride.runtime.control.perception.geometry import Floats, any_nearer
+from wallride.runtime.control.safety.body import LOOK_SPARE_M
+from wallride.runtime.control.safety.emergency_manoeuvre import (
     FULL_BRAKE,
     NARROW_M,
     EmergencyState,
@@ -18,9 +18,9 @@ from runtime.control.safety.emergency_manoeuvre import (
     candidates,
     is_clearly_better,
 )
-from runtime.control.safety.manoeuvre_rollout import MARGIN_M, STEP_S, RolloutStart
-from runtime.control.safety.stopping import GRAVITY_MPS2, brake_beside_turning_mps2, stopping_distance_m
-from runtime.control.safety.swept_path import Strip
+from wallride.runtime.control.safety.manoeuvre_rollout import MARGIN_M, STEP_S, RolloutStart
+from wallride.runtime.control.safety.stopping import GRAVITY_MPS2, brake_beside_turning_mps2, stopping_distance_m
+from wallride.runtime.control.safety.swept_path import Strip
 
 PAST_S = 0.3
 """Length of the history of wheel angles: earlier angles have no effect on the tyres now."""

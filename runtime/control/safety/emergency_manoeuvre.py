@@ -21,9 +21,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drivers.value import value
-from runtime.control.perception.geometry import Floats, Places
-from runtime.control.safety.manoeuvre_rollout import MAX_ROOM_M, TINY, RolloutStart, roll_out_all
+from wallride.drivers.value import value
+from wallride.runtime.control.perception.geometry import Floats, Places
+from wallride.runtime.control.safety.manoeuvre_rollout import MAX_ROOM_M, TINY, RolloutStart, roll_out_all
 
 HARDLY_MPS = 0.1
 """Accuracy of the impact speed of the rollouts."""

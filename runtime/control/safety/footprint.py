@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drivers.accelerated import accelerated
-from drivers.value import value
-from runtime.control.perception.geometry import Booleans, Floats, Places
+from wallride.drivers.accelerated import accelerated
+from wallride.drivers.value import value
+from wallride.runtime.control.perception.geometry import Booleans, Floats, Places
 
 STEP_M = 0.06
 POSES_AT_ONCE = 24

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from drivers.accelerated import accelerated
-from drivers.api import Scan
-from drivers.value import value
-from runtime.control.perception.geometry import Booleans, Bytes, Places
-from runtime.control.perception.view import LEARNT_DIRT_NEARER_THAN_M, View
-from runtime.control.vehicle import CarSettings
+from wallride.drivers.accelerated import accelerated
+from wallride.drivers.api import Scan
+from wallride.drivers.value import value
+from wallride.runtime.control.perception.geometry import Booleans, Bytes, Places
+from wallride.runtime.control.perception.view import LEARNT_DIRT_NEARER_THAN_M, View
+from wallride.runtime.control.vehicle import CarSettings
 
 AHEAD_RAD = math.radians(60)
 ASIDE_RAD = math.radians(105)

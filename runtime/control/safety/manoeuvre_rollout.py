@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drivers.accelerated import accelerated
-from runtime.control.perception.geometry import Floats, Places
+from wallride.drivers.accelerated import accelerated
+from wallride.runtime.control.perception.geometry import Floats, Places
 
 STEP_S = 0.01
 LOOK_STEPS = 2

@@ -10,12 +10,18 @@ import cmath
 
 import numpy as np
 
-from drivers.accelerated import accelerated
-from runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.scan_matching import MatchedOdometry
-from runtime.control.perception.view import View
-from runtime.control.safety.obstacle_track import MAX_SPEED_MPS, NARROW_WIDTH_M, MotionBounds, ObstacleTrack, ScanLook
+from wallride.drivers.accelerated import accelerated
+from wallride.runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.scan_matching import MatchedOdometry
+from wallride.runtime.control.perception.view import View
+from wallride.runtime.control.safety.obstacle_track import (
+    MAX_SPEED_MPS,
+    NARROW_WIDTH_M,
+    MotionBounds,
+    ObstacleTrack,
+    ScanLook,
+)
 
 WITHIN_M = 6.0
 GAP_BEAMS = 3

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from drivers.accelerated import accelerated
-from runtime.control.perception.view import View
+from wallride.drivers.accelerated import accelerated
+from wallride.runtime.control.perception.view import View
 
 DARK_SHARE = 0.3
 DARK_WINDOW_RAD = math.radians(10)

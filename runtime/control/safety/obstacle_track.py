@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.value import value
-from runtime.control.perception.geometry import Floats
-from runtime.control.perception.view import View
+from wallride.drivers.value import value
+from wallride.runtime.control.perception.geometry import Floats
+from wallride.runtime.control.perception.view import View
 
 POSITION_GAIN, SPEED_GAIN = 0.4, 0.08
 LATELY_S = 0.6

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from drivers.accelerated import accelerated
-from drivers.value import value
-from runtime.control.perception.geometry import NOWHERE, Booleans, Places, places_m
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.view import View
+from wallride.drivers.accelerated import accelerated
+from wallride.drivers.value import value
+from wallride.runtime.control.perception.geometry import NOWHERE, Booleans, Places, places_m
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.view import View
 
 NEAR_M = 1.6
 KEPT_EVERY_M = 0.1

@@ -11,11 +11,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from drivers.value import value
-from runtime.control.perception.geometry import Booleans, Floats, Places
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.view import LEARNT_DIRT_NEARER_THAN_M, View
-from runtime.control.safety.lidar_sectors import SAME_THING_M, SAME_THING_SHARE, Sectors
+from wallride.drivers.value import value
+from wallride.runtime.control.perception.geometry import Booleans, Floats, Places
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.view import LEARNT_DIRT_NEARER_THAN_M, View
+from wallride.runtime.control.safety.lidar_sectors import SAME_THING_M, SAME_THING_SHARE, Sectors
 
 STAYS_FOR_M = 0.25
 STAYS_FOR_BEAMS = 3.0

@@ -11,28 +11,33 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from drivers.api import Clock, MotorState, Scan
-from runtime.arbitration.command import NO_LIMIT_MPS, Verdict
-from runtime.control.perception.geometry import NOWHERE
-from runtime.control.perception.lidar_health import LidarHealth
-from runtime.control.perception.lidar_health_settings import LidarHealthSettings
-from runtime.control.perception.odometry import Odometry, OdometryState
-from runtime.control.perception.own_parts import KnownParts, OwnParts
-from runtime.control.perception.scene_motion import SceneMotion
-from runtime.control.perception.view import PerceptionCache, View
-from runtime.control.safety.body import LOOK_SPARE_M, Body
-from runtime.control.safety.emergency import Emergency
-from runtime.control.safety.footprint import NOTHING, Contact
-from runtime.control.safety.moving_obstacles import MovingObstacles
-from runtime.control.safety.rear_memory import RearMemory
-from runtime.control.safety.steering_reversal import SteeringReversal
-from runtime.control.safety.stopping import GRAVITY_MPS2, SlidingSpeed, speed_to_stop_within_mps, stopping_distance_m
-from runtime.control.safety.swept_path import GAINS_MPS, Strip
-from runtime.control.safety.swept_settings import SweptSettings
-from runtime.control.safety.thin_obstacles import ThinObstacles
-from runtime.control.safety.unknown_regions import CRAWL_MPS
-from runtime.control.safety.visibility import Visibility
-from runtime.control.vehicle import CarSettings
+from wallride.drivers.api import Clock, MotorState, Scan
+from wallride.runtime.arbitration.command import NO_LIMIT_MPS, Verdict
+from wallride.runtime.control.perception.geometry import NOWHERE
+from wallride.runtime.control.perception.lidar_health import LidarHealth
+from wallride.runtime.control.perception.lidar_health_settings import LidarHealthSettings
+from wallride.runtime.control.perception.odometry import Odometry, OdometryState
+from wallride.runtime.control.perception.own_parts import KnownParts, OwnParts
+from wallride.runtime.control.perception.scene_motion import SceneMotion
+from wallride.runtime.control.perception.view import PerceptionCache, View
+from wallride.runtime.control.safety.body import LOOK_SPARE_M, Body
+from wallride.runtime.control.safety.emergency import Emergency
+from wallride.runtime.control.safety.footprint import NOTHING, Contact
+from wallride.runtime.control.safety.moving_obstacles import MovingObstacles
+from wallride.runtime.control.safety.rear_memory import RearMemory
+from wallride.runtime.control.safety.steering_reversal import SteeringReversal
+from wallride.runtime.control.safety.stopping import (
+    GRAVITY_MPS2,
+    SlidingSpeed,
+    speed_to_stop_within_mps,
+    stopping_distance_m,
+)
+from wallride.runtime.control.safety.swept_path import GAINS_MPS, Strip
+from wallride.runtime.control.safety.swept_settings import SweptSettings
+from wallride.runtime.control.safety.thin_obstacles import ThinObstacles
+from wallride.runtime.control.safety.unknown_regions import CRAWL_MPS
+from wallride.runtime.control.safety.visibility import Visibility
+from wallride.runtime.control.vehicle import CarSettings
 
 STANDING_MPS = 0.05
 STOP_SPARE_M = 0.05

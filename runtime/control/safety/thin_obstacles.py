@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from drivers.accelerated import accelerated
-from runtime.control.perception.geometry import NOWHERE, Places, places_m
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.view import View
+from wallride.drivers.accelerated import accelerated
+from wallride.runtime.control.perception.geometry import NOWHERE, Places, places_m
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.view import View
 
 SCANS = 5
 """Number of scans of the confirmation: a place counts with a return in this one and in all but one of those before."""

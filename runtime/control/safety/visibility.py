@@ -15,11 +15,11 @@ import math
 
 import numpy as np
 
-from drivers.api import Scan
-from runtime.control.perception.geometry import NOWHERE, Booleans, Bytes, Floats, Places
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.view import View
-from runtime.control.safety.lidar_sectors import (
+from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.geometry import NOWHERE, Booleans, Bytes, Floats, Places
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.view import View
+from wallride.runtime.control.safety.lidar_sectors import (
     BLIND,
     DEPTH,
     GONE,
@@ -33,9 +33,9 @@ from runtime.control.safety.lidar_sectors import (
     sectors_of,
     watch_sectors,
 )
-from runtime.control.safety.silence_borders import Border, Borders, Fading, find_border
-from runtime.control.safety.unknown_regions import SectorView, Unknown, find_unknown
-from runtime.control.vehicle import CarSettings
+from wallride.runtime.control.safety.silence_borders import Border, Borders, Fading, find_border
+from wallride.runtime.control.safety.unknown_regions import SectorView, Unknown, find_unknown
+from wallride.runtime.control.vehicle import CarSettings
 
 ON_LIDAR_RAD = math.radians(3)
 """Minimum width of a row of returns from within the outline that counts as an object on the lidar: no part of a car is

@@ -11,23 +11,23 @@ import math
 
 import numpy as np
 
-from drivers.api import Drive, MotorState, Scan
-from runtime.control.guidance import Guidance
-from runtime.control.perception.geometry import Floats
-from runtime.control.perception.noise_bias import FIRST_NOISE_M, learn_noise_m
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.vehicle import CarSettings
-from runtime.control.wall_following.ball_drive import drive_along_ball
-from runtime.control.wall_following.ball_law import Aim, Steered, look_aheads_m
-from runtime.control.wall_following.ball_path import RADII_M, Ball, BallPath, Rollout, roll_path
-from runtime.control.wall_following.ball_settings import BallSettings
-from runtime.control.wall_following.corridor_width import Room
-from runtime.control.wall_following.followed_wall import choose_wall, side_view
-from runtime.control.wall_following.no_wall_policy import SEARCH_PER_M, Lost
-from runtime.control.wall_following.prediction import Predictor, Shift
-from runtime.control.wall_following.speed_profile import mu_with_room
-from runtime.control.wall_following.wall_fit import WallLine
-from runtime.control.wall_following.wall_track import WallTrack
+from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.perception.geometry import Floats
+from wallride.runtime.control.perception.noise_bias import FIRST_NOISE_M, learn_noise_m
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.wall_following.ball_drive import drive_along_ball
+from wallride.runtime.control.wall_following.ball_law import Aim, Steered, look_aheads_m
+from wallride.runtime.control.wall_following.ball_path import RADII_M, Ball, BallPath, Rollout, roll_path
+from wallride.runtime.control.wall_following.ball_settings import BallSettings
+from wallride.runtime.control.wall_following.corridor_width import Room
+from wallride.runtime.control.wall_following.followed_wall import choose_wall, side_view
+from wallride.runtime.control.wall_following.no_wall_policy import SEARCH_PER_M, Lost
+from wallride.runtime.control.wall_following.prediction import Predictor, Shift
+from wallride.runtime.control.wall_following.speed_profile import mu_with_room
+from wallride.runtime.control.wall_following.wall_fit import WallLine
+from wallride.runtime.control.wall_following.wall_track import WallTrack
 
 MAX_STEP_S = 0.25
 """Maximum time between two scans; after a longer gap the distance driven since is unknown."""

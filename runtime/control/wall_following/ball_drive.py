@@ -3,10 +3,10 @@
 import math
 from typing import Any
 
-from drivers.accelerated import accelerated
-from runtime.control.wall_following.ball_law import Aim, Steered, pursuit_steering
-from runtime.control.wall_following.ball_path import BallPath
-from runtime.control.wall_following.speed_profile import fastest_mps, speed_limit_mps
+from wallride.drivers.accelerated import accelerated
+from wallride.runtime.control.wall_following.ball_law import Aim, Steered, pursuit_steering
+from wallride.runtime.control.wall_following.ball_path import BallPath
+from wallride.runtime.control.wall_following.speed_profile import fastest_mps, speed_limit_mps
 
 TOO_NEAR_M = 0.05
 SLIPPING_SHARE = 0.3

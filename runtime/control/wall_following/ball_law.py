@@ -6,9 +6,9 @@
 
 The shortest way back to a line for a car with a tightest arc 1/c is that arc, then the opposite one, tangent to the
 line (Dubins 1957). At distance e the second arc has the heading acos(1 - c |e|): steering hard until the car heads so,
-and as hard the other way from there on, is what the optimum of `sim.lab.limit` does as well. `approach` is that
-heading; near the line, where its slope would be infinite, it is the straight kp e / kd (a square-root controller, as
-PX4 and ArduPilot call it).
+and as hard the other way from there on, is what the optimum of `wallride.sim.lab.limit` does as well. `approach` is
+that heading; near the line, where its slope would be infinite, it is the straight kp e / kd (a square-root controller,
+as PX4 and ArduPilot call it).
 
 Gains are those at 1 m/s. A heading error decays within L / (v kd), a small distance error within kd / (v kp): a faster
 car is given the same 0.07 s and 0.33 s by kd / v and kp / v^2. Beside a wall that is not one straight line a slow car
@@ -29,7 +29,7 @@ car's heading now or later, and the path behind the corner (`turn_share`).
 import math
 from typing import NamedTuple
 
-from runtime.control.wall_following.ball_path import MAX_ANGLE_RAD, BallPath
+from wallride.runtime.control.wall_following.ball_path import MAX_ANGLE_RAD, BallPath
 
 SLOW_MPS = 1.0
 """Speed up to which the gains equal the settings."""

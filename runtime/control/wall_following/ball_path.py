@@ -15,13 +15,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from drivers.accelerated import accelerated
-from drivers.value import value
-from runtime.control.perception.geometry import Floats, Places
-from runtime.control.perception.noise_bias import learn_bias_m, roughness_m
-from runtime.control.wall_following.followed_wall import FollowedWall, SideView, around, bridge_glass, outline
-from runtime.control.wall_following.prediction import Shift
-from runtime.control.wall_following.wall_fit import CLEAN_INLIERS
+from wallride.drivers.accelerated import accelerated
+from wallride.drivers.value import value
+from wallride.runtime.control.perception.geometry import Floats, Places
+from wallride.runtime.control.perception.noise_bias import learn_bias_m, roughness_m
+from wallride.runtime.control.wall_following.followed_wall import FollowedWall, SideView, around, bridge_glass, outline
+from wallride.runtime.control.wall_following.prediction import Shift
+from wallride.runtime.control.wall_following.wall_fit import CLEAN_INLIERS
 
 MAX_ANGLE_RAD = math.radians(85)
 RADII_M = tuple(np.linspace(0.3, 3.0, 10).tolist())

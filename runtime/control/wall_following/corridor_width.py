@@ -6,7 +6,7 @@ that grew at once to the whole wanted distance would not fit into it: the car wo
 
 import math
 
-from runtime.control.wall_following.wall_fit import WallLine
+from wallride.runtime.control.wall_following.wall_fit import WallLine
 
 WIDENS_PER_M = 0.1
 """Assumed growth of a narrow width per metre driven, until another width is seen."""

@@ -13,12 +13,12 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from drivers.accelerated import accelerated
-from drivers.api import Scan
-from drivers.value import value
-from runtime.control.perception.geometry import Floats, Places, bearings_rad
-from runtime.control.perception.view import View
-from runtime.control.wall_following.wall_fit import LineFinder, WallLine, fit_wall_line
+from wallride.drivers.accelerated import accelerated
+from wallride.drivers.api import Scan
+from wallride.drivers.value import value
+from wallride.runtime.control.perception.geometry import Floats, Places, bearings_rad
+from wallride.runtime.control.perception.view import View
+from wallride.runtime.control.wall_following.wall_fit import LineFinder, WallLine, fit_wall_line
 
 Booleans = npt.NDArray[np.bool_]
 Beams = npt.NDArray[np.intp]

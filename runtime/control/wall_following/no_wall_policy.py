@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from drivers.api import Drive
+from wallride.drivers.api import Drive
 
 FADE_PER_SCAN = 0.05
 SEARCH_PER_M = 0.55

@@ -5,9 +5,9 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
-from drivers.accelerated import accelerated
-from drivers.api import MotorState
-from drivers.value import value
+from wallride.drivers.accelerated import accelerated
+from wallride.drivers.api import MotorState
+from wallride.drivers.value import value
 
 _STEP_S = 0.015
 _GRAVITY_MPS2 = 9.81

@@ -7,7 +7,7 @@ v(s)^2 <= v_point^2 + 2 a_brake (s - 0.3 - 0.06 v)
 import math
 from itertools import pairwise
 
-from runtime.control.wall_following.ball_path import RADII_M
+from wallride.runtime.control.wall_following.ball_path import RADII_M
 
 GRAVITY_MPS2 = 9.81
 LATERAL_SHARE = 0.75

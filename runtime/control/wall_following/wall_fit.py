@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from drivers.accelerated import accelerated
-from drivers.value import value
-from runtime.control.perception.geometry import Floats
+from wallride.drivers.accelerated import accelerated
+from wallride.drivers.value import value
+from wallride.runtime.control.perception.geometry import Floats
 
 Booleans = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.intp]

@@ -16,8 +16,8 @@ have, and came back to the wall too wide.)
 
 import math
 
-from drivers.accelerated import accelerated
-from runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
+from wallride.drivers.accelerated import accelerated
+from wallride.runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
 
 MAX_TRIM_RAD = 0.06
 JUMP_M = 0.15

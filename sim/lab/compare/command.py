@@ -12,12 +12,12 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from sim.lab.compare.pairs import ComparisonError, RunPairs, pairs_of
-from sim.lab.compare.sides import SideMaker
-from sim.lab.compare.statistics import PairedDifference, paired_difference
-from sim.lab.sweep.table import TableError
-from sim.lab.workers.finished_cell import WorkerStartError
-from sim.scenario.toml_lines import FileMistakeError
+from wallride.sim.lab.compare.pairs import ComparisonError, RunPairs, pairs_of
+from wallride.sim.lab.compare.sides import SideMaker
+from wallride.sim.lab.compare.statistics import PairedDifference, paired_difference
+from wallride.sim.lab.sweep.table import TableError
+from wallride.sim.lab.workers.finished_cell import WorkerStartError
+from wallride.sim.scenario.toml_lines import FileMistakeError
 
 USAGE_ERROR, INTERRUPTED = 2, 130
 FIGURES = (

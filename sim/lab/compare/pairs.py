@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from sim.lab.sweep.table import TableRun
-from sim.world.pose import Floats
+from wallride.sim.lab.sweep.table import TableRun
+from wallride.sim.world.pose import Floats
 
 Key = tuple[str, ...]
 

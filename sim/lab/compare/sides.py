@@ -7,11 +7,11 @@ from pathlib import Path
 
 from rich.console import Console
 
-from sim.lab.compare.pairs import ComparisonError
-from sim.lab.sweep.command import Workers, fill, keys_of
-from sim.lab.sweep.plan import GRID, RANDOM, SEEDS, read_plan
-from sim.lab.sweep.table import TableRun, is_table, open_table
-from sim.scenario.toml_lines import read_toml
+from wallride.sim.lab.compare.pairs import ComparisonError
+from wallride.sim.lab.sweep.command import Workers, fill, keys_of
+from wallride.sim.lab.sweep.plan import GRID, RANDOM, SEEDS, read_plan
+from wallride.sim.lab.sweep.table import TableRun, is_table, open_table
+from wallride.sim.scenario.toml_lines import read_toml
 
 _SELECTED = re.compile(r"(.+\.(?:sqlite|db|toml)):([^:=]+=.+)")
 _OF_SWEEPS = frozenset({"world", SEEDS, GRID, RANDOM, "law", "duration_s"})

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.world.pose import Floats
+from wallride.sim.world.pose import Floats
 
 CONFIDENCE = 0.99
 RESAMPLES, FLIPS = 4000, 10_000

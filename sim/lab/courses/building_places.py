@@ -1,7 +1,7 @@
 """Start places in real buildings, chosen on a map by a rule.
 
-A ball of the wanted distance is rolled along all walls (`sim.ball_contour`). A place is good where its way can be
-driven for WAY_M, begins straight, and bends by at least CORNER_RAD within sight: corners, offsets, ends of walls. Of
+A ball of the wanted distance is rolled along all walls (`wallride.sim.ball_contour`). A place is good where its way can
+be driven for WAY_M, begins straight, and bends by at least CORNER_RAD within sight: corners, offsets, ends of walls. Of
 all good places of a map PLACES are taken, evenly spread along the walls, and WALLS more without a corner. Each has one
 of the STARTS, in turn; a start that has no room (the building is narrow there) is replaced by the next one.
 
@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.world.ball_contour import Places, places
-from sim.world.grid import GridGeometry
-from sim.world.map_file import read_geometry
-from sim.world.place import World
-from sim.world.pose import Booleans, Floats, Pose, Side, side_sign
+from wallride.sim.world.ball_contour import Places, places
+from wallride.sim.world.grid import GridGeometry
+from wallride.sim.world.map_file import read_geometry
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Booleans, Floats, Pose, Side, side_sign
 
 PLACES, WALLS = 10, 2
 HELD_OUT = ("hangar", "levine")

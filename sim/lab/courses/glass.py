@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.world.place import World
-from sim.world.pose import CAR, Floats, Footprint, Pose
-from sim.world.segments import SegmentGeometry
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import CAR, Floats, Footprint, Pose
+from wallride.sim.world.segments import SegmentGeometry
 
 SEEN_WITHIN_RAD = math.radians(4.0)
 """Maximum angle to the normal; other beams are reflected away (control-and-safety notes: "within about 4 deg")."""

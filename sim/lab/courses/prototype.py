@@ -16,13 +16,13 @@ from typing import Final
 
 import numpy as np
 
-from drivers.api import Drive, MotorState, Scan
-from runtime.control.guidance import Guidance
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.vehicle import CarSettings
-from runtime.control.wall_following.followed_wall import SideView, side_view
-from runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
-from sim.world.pose import Floats, Side
+from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.wall_following.followed_wall import SideView, side_view
+from wallride.runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
+from wallride.sim.world.pose import Floats, Side
 
 KP_RAD_PER_M, KD = 0.35, 1.5
 LOOK_AHEAD_M, LOOK_AHEAD_S = 0.4, 0.3

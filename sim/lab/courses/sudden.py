@@ -11,16 +11,16 @@
 import math
 from dataclasses import dataclass
 
-from drivers.api import Drive, MotorState, Scan
-from runtime.arbitration.command import NO_LIMIT_MPS, Source, Verdict
-from runtime.control.guidance import Follower, Guidance
-from runtime.control.vehicle import CarSettings
-from sim.car.vehicle import VehicleSettings
-from sim.lab.cell import Cell
-from sim.lab.courses.walls import world_of
-from sim.virtual.closed_loop import STEP_S, Case
-from sim.world.obstacles import sudden_box
-from sim.world.pose import side_sign
+from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.runtime.arbitration.command import NO_LIMIT_MPS, Source, Verdict
+from wallride.runtime.control.guidance import Follower, Guidance
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.lab.cell import Cell
+from wallride.sim.lab.courses.walls import world_of
+from wallride.sim.virtual.closed_loop import STEP_S, Case
+from wallride.sim.world.obstacles import sudden_box
+from wallride.sim.world.pose import side_sign
 
 APPEARS_S = 0.5
 HUMAN_BEGINS_S = APPEARS_S - 0.1

@@ -10,16 +10,16 @@ import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from sim.car.vehicle import VehicleSettings
-from sim.lab.cell import DESIRED_M
-from sim.lab.courses.glass import GlassWall
-from sim.lab.limit import Task, Wall
-from sim.virtual.closed_loop import ROUGH_BEAMS, Case
-from sim.world.beams import LidarSettings
-from sim.world.place import World
-from sim.world.pose import Pose, Side
-from sim.world.segments import SegmentGeometry
-from sim.world.worlds import load_world
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.lab.cell import DESIRED_M
+from wallride.sim.lab.courses.glass import GlassWall
+from wallride.sim.lab.limit import Task, Wall
+from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, Case
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Pose, Side
+from wallride.sim.world.segments import SegmentGeometry
+from wallride.sim.world.worlds import load_world
 
 SLANT_RAD = math.radians(20.0)
 ROUGH_LATENCY_S, ROUGH_TRIM_RAD, ROUGH_NOISE_M = 0.06, 0.03, 0.03

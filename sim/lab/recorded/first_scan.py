@@ -10,10 +10,10 @@ import math
 
 import numpy as np
 
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.vehicle import CarSettings
-from runtime.control.wall_following.followed_wall import SIDE_FROM_RAD, SIDE_TO_RAD, side_view
-from sim.lab.recorded.replay import JudgedScan, Replay, wall_line
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.wall_following.followed_wall import SIDE_FROM_RAD, SIDE_TO_RAD, side_view
+from wallride.sim.lab.recorded.replay import JudgedScan, Replay, wall_line
 
 
 def first_offsets_m(done: Replay) -> tuple[float, float]:

@@ -12,11 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from runtime.control.vehicle import CarSettings
-from sim.lab.recorded.episodes import Episode
-from sim.lab.recorded.replay import JudgedScan, Replay
-from sim.lab.recorded.scan_motion import bearing_deg
-from sim.world.pose import CAR, Pose
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.lab.recorded.episodes import Episode
+from wallride.sim.lab.recorded.replay import JudgedScan, Replay
+from wallride.sim.lab.recorded.scan_motion import bearing_deg
+from wallride.sim.world.pose import CAR, Pose
 
 _DPI = 100
 _SEEN_M = 3.0

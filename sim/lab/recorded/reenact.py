@@ -10,18 +10,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.safety.swept import SweptGuard
-from runtime.control.safety.swept_settings import SweptSettings
-from runtime.control.vehicle import CarSettings
-from sim.car.vehicle import GRAVITY_MPS2, VehicleSettings
-from sim.lab.courses.sudden import BlindDriver
-from sim.lab.recorded.replay import JudgedScan, Replay
-from sim.lab.safety import impact_mps, stopping_m
-from sim.virtual.closed_loop import Case, drive
-from sim.world.place import World
-from sim.world.pose import CAR, Floats, Pose
-from sim.world.segments import SegmentGeometry
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.safety.swept import SweptGuard
+from wallride.runtime.control.safety.swept_settings import SweptSettings
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.car.vehicle import GRAVITY_MPS2, VehicleSettings
+from wallride.sim.lab.courses.sudden import BlindDriver
+from wallride.sim.lab.recorded.replay import JudgedScan, Replay
+from wallride.sim.lab.safety import impact_mps, stopping_m
+from wallride.sim.virtual.closed_loop import Case, drive
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import CAR, Floats, Pose
+from wallride.sim.world.segments import SegmentGeometry
 
 JOINED_M = 0.3
 STRAIGHT_WITHIN_RAD = math.radians(15)

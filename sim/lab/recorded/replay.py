@@ -10,21 +10,21 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from drivers.api import MotorState, Scan
-from runtime.arbitration.command import Verdict
-from runtime.calibration.scan_motion import ScanMotion
-from runtime.control.perception.lidar_health import LidarHealth
-from runtime.control.perception.view import PerceptionCache, View
-from runtime.control.safety.swept import SweptAssessment, SweptGuard
-from runtime.control.safety.swept_settings import SweptSettings
-from runtime.control.vehicle import CarSettings
-from runtime.control.wall_following.ball import BallFollower
-from runtime.control.wall_following.ball_settings import BallSettings
-from runtime.control.wall_following.followed_wall import side_view
-from runtime.control.wall_following.wall_fit import WallLine
-from sim.lab.recorded.scan_motion import motion_of
-from sim.recordings import CommandTrack, Recording
-from sim.world.pose import Floats, Side
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.arbitration.command import Verdict
+from wallride.runtime.calibration.scan_motion import ScanMotion
+from wallride.runtime.control.perception.lidar_health import LidarHealth
+from wallride.runtime.control.perception.view import PerceptionCache, View
+from wallride.runtime.control.safety.swept import SweptAssessment, SweptGuard
+from wallride.runtime.control.safety.swept_settings import SweptSettings
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.wall_following.ball import BallFollower
+from wallride.runtime.control.wall_following.ball_settings import BallSettings
+from wallride.runtime.control.wall_following.followed_wall import side_view
+from wallride.runtime.control.wall_following.wall_fit import WallLine
+from wallride.sim.lab.recorded.scan_motion import motion_of
+from wallride.sim.recordings import CommandTrack, Recording
+from wallride.sim.world.pose import Floats, Side
 
 DRIVES_ABOVE_MPS = 0.15
 STEERS_ABOVE_MPS = 0.3

@@ -1,11 +1,11 @@
-"""Scan-matching odometry of a recording; see `runtime.calibration.scan_motion`."""
+"""Scan-matching odometry of a recording; see `wallride.runtime.calibration.scan_motion`."""
 
 import numpy as np
 
-from runtime.calibration.scan_motion import ScanMotion, motion_of_scans
-from runtime.control.perception.geometry import bearings_rad
-from sim.recordings import Recording
-from sim.world.pose import Floats
+from wallride.runtime.calibration.scan_motion import ScanMotion, motion_of_scans
+from wallride.runtime.control.perception.geometry import bearings_rad
+from wallride.sim.recordings import Recording
+from wallride.sim.world.pose import Floats
 
 
 def motion_of(recording: Recording) -> ScanMotion:

@@ -3,12 +3,12 @@
 import math
 from collections.abc import Iterator
 
-from sim.lab import laws
-from sim.lab.figures import chosen
-from sim.lab.report import published
-from sim.lab.report.gains import likeness
-from sim.lab.report.plan import ALONE_LAW, REPORT_LAW, ReportPlan, gain_laws, variations
-from sim.lab.report.tables import Rows, cleared, gain_table_of, title_of
+from wallride.sim.lab import laws
+from wallride.sim.lab.figures import chosen
+from wallride.sim.lab.report import published
+from wallride.sim.lab.report.gains import likeness
+from wallride.sim.lab.report.plan import ALONE_LAW, REPORT_LAW, ReportPlan, gain_laws, variations
+from wallride.sim.lab.report.tables import Rows, cleared, gain_table_of, title_of
 
 
 def differences(plan: ReportPlan, rows: Rows) -> list[str]:

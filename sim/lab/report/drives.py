@@ -14,15 +14,15 @@ from typing import Any, Literal
 
 import numpy as np
 
-from drivers.api import MotorState, Scan
-from runtime.control.guidance import Follower, Guidance
-from runtime.control.report.measures import WallMeasures, measured
-from sim.lab import laws
-from sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
-from sim.lab.courses.walls import Course, course_case, course_task
-from sim.lab.figures import common, errors, number
-from sim.lab.limit import least_mean_error_m
-from sim.virtual.closed_loop import SimulatedRun
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.control.guidance import Follower, Guidance
+from wallride.runtime.control.report.measures import WallMeasures, measured
+from wallride.sim.lab import laws
+from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.courses.walls import Course, course_case, course_task
+from wallride.sim.lab.figures import common, errors, number
+from wallride.sim.lab.limit import least_mean_error_m
+from wallride.sim.virtual.closed_loop import SimulatedRun
 
 NAME = "report.drives"
 """The experiment's name for the pool."""
@@ -168,7 +168,7 @@ def _kept() -> dict[str, float | None]:
 
 
 def compute_limits() -> None:
-    """Write the least true mean errors of any steering: `python -m sim.lab.report.drives`, about a minute."""
+    """Write the least true mean errors of any steering: `python -m wallride.sim.lab.report.drives`, about a minute."""
     kept: dict[str, float | None] = {}
     for test in ABOUT:
         cell = Cell(NAME, Starts().scenario(test), "report+none", LIMIT_SPEED_MPS, LIMIT_MU, "left", 0)

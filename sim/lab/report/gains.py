@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.lab.report.published import ERRORS_M, FIXED, GAINS, Half, Pair, repeatability_m
-from sim.lab.report.published import TESTS as PUBLISHED_TESTS
-from sim.world.pose import Floats
+from wallride.sim.lab.report.published import ERRORS_M, FIXED, GAINS, Half, Pair, repeatability_m
+from wallride.sim.lab.report.published import TESTS as PUBLISHED_TESTS
+from wallride.sim.world.pose import Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,15 +4,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
-from runtime.parameters.catalogue import Parameter, ValueKind, catalogue
-from runtime.settings.tree import Settings
-from sim.car.vehicle_settings import VehicleSettings
-from sim.lab import laws
-from sim.lab.cell import Cell
-from sim.lab.courses.sudden import PLACES
-from sim.lab.report import drives, wall_ahead
-from sim.lab.report.drives import Starts
-from sim.lab.report.published import (
+from wallride.runtime.parameters.catalogue import Parameter, ValueKind, catalogue
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.car.vehicle_settings import VehicleSettings
+from wallride.sim.lab import laws
+from wallride.sim.lab.cell import Cell
+from wallride.sim.lab.courses.sudden import PLACES
+from wallride.sim.lab.report import drives, wall_ahead
+from wallride.sim.lab.report.drives import Starts
+from wallride.sim.lab.report.published import (
     FINAL,
     FIXED,
     GAINS,
@@ -22,10 +22,10 @@ from sim.lab.report.published import (
     Half,
     Pair,
 )
-from sim.scenario.conditions import put_on_top
-from sim.virtual.closed_loop import ROUGH_BEAMS
-from sim.world.beams import LidarSettings
-from sim.world.pose import Side
+from wallride.sim.scenario.conditions import put_on_top
+from wallride.sim.virtual.closed_loop import ROUGH_BEAMS
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.pose import Side
 
 CHOSEN_STARTS = Starts()
 SPEED_MPS = 2.0
@@ -44,7 +44,7 @@ class ReportPlan:
     """Choice of the report. law: compared with the report's. settings: KEY=VALUE texts by law, for both laws.
 
     wild: share of wild beams. varies: whether the conditions that the report does not give are varied.
-    conditions: of the simulated car, as `sim.lab.cell.Cell` has them.
+    conditions: of the simulated car, as `wallride.sim.lab.cell.Cell` has them.
     """
 
     law: str = "ball+swept"

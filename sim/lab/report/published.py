@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from sim.world.pose import Floats
+from wallride.sim.world.pose import Floats
 
 Pair = tuple[float, float]
 """Kp [rad/m] and Kd [-]."""

@@ -6,18 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from sim.car.vehicle import GRAVITY_MPS2
-from sim.lab.cell import TabledCell
-from sim.lab.figures import Row, text
-from sim.lab.report import published
-from sim.lab.report.drives import ABOUT
-from sim.lab.report.gains import GainTable, Trend, likeness, published_table, trend
-from sim.lab.report.plan import ALONE_LAW, DISTANCE_KINDS, REPORT_LAW, ReportPlan, gain_laws, variations
-from sim.lab.report.published import Half, Pair, repeatability_m
-from sim.lab.report.wall_ahead import DISTANCES_M, was_driven
-from sim.lab.safety import stopping_m
-from sim.virtual.closed_loop import FULL_BRAKE_MPS2
-from sim.world.pose import Floats
+from wallride.sim.car.vehicle import GRAVITY_MPS2
+from wallride.sim.lab.cell import TabledCell
+from wallride.sim.lab.figures import Row, text
+from wallride.sim.lab.report import published
+from wallride.sim.lab.report.drives import ABOUT
+from wallride.sim.lab.report.gains import GainTable, Trend, likeness, published_table, trend
+from wallride.sim.lab.report.plan import ALONE_LAW, DISTANCE_KINDS, REPORT_LAW, ReportPlan, gain_laws, variations
+from wallride.sim.lab.report.published import Half, Pair, repeatability_m
+from wallride.sim.lab.report.wall_ahead import DISTANCES_M, was_driven
+from wallride.sim.lab.safety import stopping_m
+from wallride.sim.virtual.closed_loop import FULL_BRAKE_MPS2
+from wallride.sim.world.pose import Floats
 
 Rows = Mapping[str, Sequence[Row]]
 """The figures of the runs, by the name of their table."""

@@ -9,15 +9,15 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from sim.lab import laws
-from sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
-from sim.lab.courses.walls import world_of
-from sim.lab.figures import common
-from sim.virtual.closed_loop import ROUGH_BEAMS, Case
-from sim.world.obstacles import LIDAR_AHEAD_M
-from sim.world.place import World
-from sim.world.pose import Side
-from sim.world.segments import SegmentGeometry
+from wallride.sim.lab import laws
+from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.courses.walls import world_of
+from wallride.sim.lab.figures import common
+from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, Case
+from wallride.sim.world.obstacles import LIDAR_AHEAD_M
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Side
+from wallride.sim.world.segments import SegmentGeometry
 
 NAME = "report.wall_ahead"
 DISTANCES_M = (1.0, 2.0, 3.0, 5.0, 8.0)

@@ -14,14 +14,14 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from sim.lab.figures import distinct, mean, text
-from sim.lab.pool import progress_bar
-from sim.lab.sweep.drive_cell import DriveCell, measure, settings_hash
-from sim.lab.sweep.plan import SweepPlan, read_plan
-from sim.lab.sweep.table import RunKey, RunTable, TableError, columns, open_table, run_key
-from sim.lab.workers.finished_cell import WorkerStartError
-from sim.lab.workers.submit import submit
-from sim.scenario.toml_lines import FileMistakeError
+from wallride.sim.lab.figures import distinct, mean, text
+from wallride.sim.lab.pool import progress_bar
+from wallride.sim.lab.sweep.drive_cell import DriveCell, measure, settings_hash
+from wallride.sim.lab.sweep.plan import SweepPlan, read_plan
+from wallride.sim.lab.sweep.table import RunKey, RunTable, TableError, columns, open_table, run_key
+from wallride.sim.lab.workers.finished_cell import WorkerStartError
+from wallride.sim.lab.workers.submit import submit
+from wallride.sim.scenario.toml_lines import FileMistakeError
 
 FAILED, USAGE_ERROR, INTERRUPTED = 1, 2, 130
 MAX_LINES = 40

@@ -8,7 +8,7 @@ The names of its values are those of a sweep's file:
     start.distance_m            from the followed wall; start.toward_deg: turned towards it
     latency_s                   from a scan's last byte to the motor's wire
     vehicle.*, lidar.*          conditions of the simulated car and its lidar
-    obstacles                   texts as of `sim.scenario.obstacle_text`
+    obstacles                   texts as of `wallride.sim.scenario.obstacle_text`
     wall_follow.kp, ...         any setting of the car
 """
 
@@ -24,24 +24,24 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from runtime.control import methods
-from runtime.control.own_laws.follower import OwnFollower
-from runtime.control.own_laws.guard import CappedGuard
-from runtime.control.own_laws.law_class import is_own, load_law
-from runtime.control.perception.view import PerceptionCache
-from runtime.settings.tree import Settings, SettingsError, load_settings
-from sim.car.vehicle_settings import VehicleSettings
-from sim.lab.cell import Figures
-from sim.lab.figures import common, errors
-from sim.lab.laps import lap_times_s
-from sim.lab.laws import check
-from sim.scenario.obstacle_text import read_obstacle
-from sim.scenario.scenario_file import MAX_START_TO_WALL_M
-from sim.virtual.closed_loop import ROUGH_BEAMS, Case, SimulatedRun, drive
-from sim.world.map_file import read_settings
-from sim.world.place import World
-from sim.world.pose import Pose, Side
-from sim.world.worlds import is_map, load_world
+from wallride.runtime.control import methods
+from wallride.runtime.control.own_laws.follower import OwnFollower
+from wallride.runtime.control.own_laws.guard import CappedGuard
+from wallride.runtime.control.own_laws.law_class import is_own, load_law
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
+from wallride.sim.car.vehicle_settings import VehicleSettings
+from wallride.sim.lab.cell import Figures
+from wallride.sim.lab.figures import common, errors
+from wallride.sim.lab.laps import lap_times_s
+from wallride.sim.lab.laws import check
+from wallride.sim.scenario.obstacle_text import read_obstacle
+from wallride.sim.scenario.scenario_file import MAX_START_TO_WALL_M
+from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, Case, SimulatedRun, drive
+from wallride.sim.world.map_file import read_settings
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Pose, Side
+from wallride.sim.world.worlds import is_map, load_world
 
 NAMES = (
     "world", "law", "side", "seed", "config", "duration_s", "way_m", "start.distance_m", "start.toward_deg",

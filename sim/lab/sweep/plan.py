@@ -1,6 +1,6 @@
 """A sweep's file: what all runs share, a grid, random values; and the cells that it stands for.
 
-    world = "straight"                               # shared by all runs: names of `sim.lab.sweep.drive_cell`
+    world = "straight"                               # shared by all runs: names of `wallride.sim.lab.sweep.drive_cell`
     wall_follow.speed_mps = 2.0
     seeds = 20                                       # 0 to 19, or a list
 
@@ -26,11 +26,19 @@ from typing import Any
 
 import numpy as np
 
-from runtime.host.user_module import search_in
-from runtime.settings.tree import Settings
-from sim.lab.sweep.drive_cell import CONDITIONS, NAMES, CellMistakeError, DriveCell, DriveSetup, digest, setup_of
-from sim.scenario.toml_lines import KeyPath, TomlText, read_toml
-from sim.world.worlds import is_map
+from wallride.runtime.host.user_module import search_in
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.lab.sweep.drive_cell import (
+    CONDITIONS,
+    NAMES,
+    CellMistakeError,
+    DriveCell,
+    DriveSetup,
+    digest,
+    setup_of,
+)
+from wallride.sim.scenario.toml_lines import KeyPath, TomlText, read_toml
+from wallride.sim.world.worlds import is_map
 
 SEEDS, GRID, RANDOM = "seeds", "grid", "random"
 RUNS, RANDOM_SEED = "runs", "seed"

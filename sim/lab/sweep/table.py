@@ -16,9 +16,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from sim.lab.cell import Figures
-from sim.lab.sweep.drive_cell import DriveCell
-from sim.lab.workers.finished_cell import FinishedCell
+from wallride.sim.lab.cell import Figures
+from wallride.sim.lab.sweep.drive_cell import DriveCell
+from wallride.sim.lab.workers.finished_cell import FinishedCell
 
 SCHEMA = """
 CREATE TABLE IF NOT EXISTS runs (
@@ -26,7 +26,7 @@ CREATE TABLE IF NOT EXISTS runs (
     cell TEXT NOT NULL, figures TEXT, error TEXT NOT NULL, took_s REAL NOT NULL, ended_unix_s REAL NOT NULL,
     PRIMARY KEY (cell_key, version, settings_hash)
 ) WITHOUT ROWID"""
-_ROOT = Path(__file__).parents[3]
+_ROOT = Path(__file__).resolve().parents[3]
 _CODE = ("drivers", "runtime", "sim")
 _MAGIC = b"SQLite format 3\0"
 

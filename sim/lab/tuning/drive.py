@@ -2,8 +2,8 @@
 
     cost = error / limit + 10 (contact or not finished) + 0.5 per stop of safety + 0.1 s/rad mean |steering rate|
 
-error: mean |distance - wanted|; limit: the least of any steering on that floor (`sim.lab.limits`), at least 3 cm. The
-shape is that of the design notes, section 7: one cost over all scenarios instead of an average of optima.
+error: mean |distance - wanted|; limit: the least of any steering on that floor (`wallride.sim.lab.limits`), at least 3
+cm. The shape is that of the design notes, section 7: one cost over all scenarios instead of an average of optima.
 """
 
 import math
@@ -12,16 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
-from sim.lab.courses.walls import case_of
-from sim.lab.figures import Row, common, errors, number
-from sim.lab.laws import drive_case
-from sim.lab.limits import limit_m
-from sim.lab.walls import LOST_ABOVE_M
-from sim.scenario.conditions import named_value
-from sim.virtual.closed_loop import SimulatedRun
-from sim.world.beams import LidarSettings
-from sim.world.pose import Side
+from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.courses.walls import case_of
+from wallride.sim.lab.figures import Row, common, errors, number
+from wallride.sim.lab.laws import drive_case
+from wallride.sim.lab.limits import limit_m
+from wallride.sim.lab.walls import LOST_ABOVE_M
+from wallride.sim.scenario.conditions import named_value
+from wallride.sim.virtual.closed_loop import SimulatedRun
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.pose import Side
 
 NAME = "tuning.drive"
 """The experiment's name for the pool."""

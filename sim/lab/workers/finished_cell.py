@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from sim.lab.cell import Figures
+from wallride.sim.lab.cell import Figures
 
 C = TypeVar("C")
 MAX_TRIES = 2

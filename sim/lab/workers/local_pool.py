@@ -17,8 +17,8 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from typing import Any, TypeVar
 
-from sim.lab.cell import Figures
-from sim.lab.workers.finished_cell import MAX_TRIES, Ends, FinishedCell, Run, WorkerStartError, finish
+from wallride.sim.lab.cell import Figures
+from wallride.sim.lab.workers.finished_cell import MAX_TRIES, Ends, FinishedCell, Run, WorkerStartError, finish
 
 C = TypeVar("C")
 _SPAWN = multiprocessing.get_context("spawn")

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, TypeVar
 
-from sim.lab.cell import Figures
-from sim.lab.workers.finished_cell import Ends, FinishedCell, Run, WorkerStartError, finish, sentence
+from wallride.sim.lab.cell import Figures
+from wallride.sim.lab.workers.finished_cell import Ends, FinishedCell, Run, WorkerStartError, finish, sentence
 
 C = TypeVar("C")
 LOCAL = "ray"

@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TypeVar
 
-from sim.lab.cell import Figures
-from sim.lab.workers.finished_cell import Ends, Run, finish
-from sim.lab.workers.local_pool import processes
-from sim.lab.workers.ray_cluster import ray_tasks
+from wallride.sim.lab.cell import Figures
+from wallride.sim.lab.workers.finished_cell import Ends, Run, finish
+from wallride.sim.lab.workers.local_pool import processes
+from wallride.sim.lab.workers.ray_cluster import ray_tasks
 
 C = TypeVar("C")
 

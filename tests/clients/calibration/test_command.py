@@ -4,14 +4,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from clients.calibration import command
-from clients.calibration.current_values import current_values
-from clients.calibration.steps import OUTLINE_WORDS, CalibrationProgress, driven_steps
-from clients.calibration.ways import CalibrationError
-from clients.teleop import terminal
-from runtime.calibration.proposals import Proposal
-from runtime.settings.tree import load_settings
 from wallride.cli import build_parser, main
+from wallride.clients.calibration import command
+from wallride.clients.calibration.current_values import current_values
+from wallride.clients.calibration.steps import OUTLINE_WORDS, CalibrationProgress, driven_steps
+from wallride.clients.calibration.ways import CalibrationError
+from wallride.clients.teleop import terminal
+from wallride.runtime.calibration.proposals import Proposal
+from wallride.runtime.settings.tree import load_settings
 
 NEW = Proposal("car.wheelbase_m", 0.25, 0.331, "0.330 to 0.332")
 KEPT = Proposal("lidar.yaw_rad", 0.0, None, "not identified: no bends")

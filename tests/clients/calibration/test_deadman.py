@@ -2,10 +2,10 @@
 
 import pytest
 
-from clients.calibration import deadman as deadmen
-from clients.calibration.deadman import TerminalDeadman
-from clients.calibration.link import LetGoError
-from clients.teleop.keyboard import Act, Key, Quit, TerminalAnswer, TerminalFocus
+from wallride.clients.calibration import deadman as deadmen
+from wallride.clients.calibration.deadman import TerminalDeadman
+from wallride.clients.calibration.link import LetGoError
+from wallride.clients.teleop.keyboard import Act, Key, Quit, TerminalAnswer, TerminalFocus
 
 
 class Terminal:

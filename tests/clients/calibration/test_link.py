@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clients.calibration import link as links
-from clients.calibration.link import LetGoError, RemoteLink
-from clients.calibration.ways import CalibrationError
-from clients.remote.driver import DriveRefusedError
-from clients.remote.values import DriveSample, MotorSample, ScanSample
+from wallride.clients.calibration import link as links
+from wallride.clients.calibration.link import LetGoError, RemoteLink
+from wallride.clients.calibration.ways import CalibrationError
+from wallride.clients.remote.driver import DriveRefusedError
+from wallride.clients.remote.values import DriveSample, MotorSample, ScanSample
 
 
 class Hand:

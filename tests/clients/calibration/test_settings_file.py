@@ -2,10 +2,10 @@
 
 import pytest
 
-from clients.calibration import settings_file
-from runtime.calibration.proposals import Proposal
-from runtime.parameters.file import StoreError
-from runtime.settings.tree import load_settings
+from wallride.clients.calibration import settings_file
+from wallride.runtime.calibration.proposals import Proposal
+from wallride.runtime.parameters.file import StoreError
+from wallride.runtime.settings.tree import load_settings
 
 FILE = """# the car
 [car]

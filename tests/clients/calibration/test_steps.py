@@ -2,20 +2,20 @@
 
 import pytest
 
-from clients.calibration import settings_file, ways
-from clients.calibration.command import table
-from clients.calibration.current_values import NAMES
-from clients.calibration.steps import STEPS, CalibrationProgress, drive_tape, driven_steps
-from clients.calibration.ways import CalibrationError
-from runtime.calibration import proposals
-from runtime.parameters.catalogue import values
-from runtime.settings.tree import load_settings
-from sim.virtual import calibrated_car
-from sim.world.beams import scan
-from sim.world.place import World
-from sim.world.pose import STANDING, Pose
-from sim.world.segments import SegmentGeometry, box
 from tests.runtime.calibration.planted import LAB, YAW_RAD, planted_car
+from wallride.clients.calibration import settings_file, ways
+from wallride.clients.calibration.command import table
+from wallride.clients.calibration.current_values import NAMES
+from wallride.clients.calibration.steps import STEPS, CalibrationProgress, drive_tape, driven_steps
+from wallride.clients.calibration.ways import CalibrationError
+from wallride.runtime.calibration import proposals
+from wallride.runtime.parameters.catalogue import values
+from wallride.runtime.settings.tree import load_settings
+from wallride.sim.virtual import calibrated_car
+from wallride.sim.world.beams import scan
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import STANDING, Pose
+from wallride.sim.world.segments import SegmentGeometry, box
 
 
 def in_effect(path):

@@ -2,8 +2,8 @@
 
 import pytest
 
-from clients.door.auth import DoorAuth, door_auth, is_loopback
-from clients.door.token_file import file_name, login_token
+from wallride.clients.door.auth import DoorAuth, door_auth, is_loopback
+from wallride.clients.door.token_file import file_name, login_token
 
 SECRET = login_token(environment={})
 LOCAL = door_auth("127.0.0.1", SECRET)

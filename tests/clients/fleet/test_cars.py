@@ -10,18 +10,18 @@ from typing import Any
 
 import pytest
 
-from clients.connection import ConnectionProblemError
-from clients.fleet import cars as fleet_cars
-from clients.fleet import stop as fleet_stop
-from clients.fleet.links import FleetLink
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.network import BYTES
-from runtime.wire.ports import free_endpoint
-from runtime.wire.teleop import Beat, CarCondition, is_stop, read_command
-from runtime.wire.zenoh_config import car_config, client_config
 from tests.clients.speaking_car import options, speaking_car
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.fleet import cars as fleet_cars
+from wallride.clients.fleet import stop as fleet_stop
+from wallride.clients.fleet.links import FleetLink
 from wallride.fleet import options as fleet_options
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import BYTES
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.teleop import Beat, CarCondition, is_stop, read_command
+from wallride.runtime.wire.zenoh_config import car_config, client_config
 
 
 def stop_options(*arguments):

@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from clients.connection import ConnectionProblemError
-from clients.fleet.lap_timer import MAX_HIDDEN
-from clients.fleet.race import Order, RaceControl
-from clients.fleet.race_command import lines_of, table
-from clients.fleet.start_line import StartLine, line_between
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.fleet.lap_timer import MAX_HIDDEN
+from wallride.clients.fleet.race import Order, RaceControl
+from wallride.clients.fleet.race_command import lines_of, table
+from wallride.clients.fleet.start_line import StartLine, line_between
 
 RADIUS_M = 3.0
 ROUND_M = math.tau * RADIUS_M

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from clients.connection import ConnectionProblemError
-from clients.fleet.router import read_config
-from clients.keys.command import run
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.fleet.router import read_config
+from wallride.clients.keys.command import run
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
 
 GUARDED = {
     "mode": "router",

@@ -9,14 +9,14 @@ from typing import Any
 import aiohttp
 import pytest
 
-from clients.foxglove import channels, server, viewer
-from runtime.recording.channels import text_of
-from runtime.ros.definitions import TYPES, encoding
-from runtime.ros.messages import float32
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
 from tests.clients.monitor.fake_car import FakeCar
+from wallride.clients.foxglove import channels, server, viewer
+from wallride.runtime.recording.channels import text_of
+from wallride.runtime.ros.definitions import TYPES, encoding
+from wallride.runtime.ros.messages import float32
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
 
 SUBSCRIBE = {"op": "subscribe"}
 MESSAGE_DATA, HEAD_B = 1, 1 + 4 + 8

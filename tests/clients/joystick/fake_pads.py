@@ -2,7 +2,7 @@
 
 import errno
 
-from clients.joystick.evdev import EV_ABS, EV_KEY, EV_SYN, RECORD, SYN_DROPPED, SYN_REPORT, PadDescription
+from wallride.clients.joystick.evdev import EV_ABS, EV_KEY, EV_SYN, RECORD, SYN_DROPPED, SYN_REPORT, PadDescription
 
 STICK, BYTE, HAT = (-32768, 32767), (0, 255), (-1, 1)
 XPAD_KEYS = (304, 305, 307, 308, 310, 311, 314, 315, 316, 317, 318)

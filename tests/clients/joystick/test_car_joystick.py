@@ -5,15 +5,15 @@ import os
 
 import pytest
 
-from clients.joystick.car_joystick import GONE_S, CarJoystick
-from clients.joystick.devices import MAX_TRIES, LinuxPads
-from clients.joystick.evdev import EV_ABS, EV_KEY
-from clients.teleop.pilot import PAD_SILENT_S
-from clients.teleop.shaping import InputShape
-from runtime.arbitration.command import Source
-from runtime.wire.teleop import Press
 from tests.clients.joystick.fake_pads import F710_D, KEYBOARD, LB, RB, RIGHT_X, START, B, FakePad, Y
 from tests.runtime.operator_rig import AUTO_MPS, BEAT_S, Rig
+from wallride.clients.joystick.car_joystick import GONE_S, CarJoystick
+from wallride.clients.joystick.devices import MAX_TRIES, LinuxPads
+from wallride.clients.joystick.evdev import EV_ABS, EV_KEY
+from wallride.clients.teleop.pilot import PAD_SILENT_S
+from wallride.clients.teleop.shaping import InputShape
+from wallride.runtime.arbitration.command import Source
+from wallride.runtime.wire.teleop import Press
 
 LOST_WITHIN_S = 0.25
 SHAPE = InputShape(max_speed_mps=2.0, max_steering_rad=0.3, deadzone=0.08, expo=0.0, ramp_mps2=math.inf)

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from clients.joystick import devices
-from clients.joystick.devices import EvdevDevice, LinuxPads
-from clients.joystick.evdev import EV_ABS, EV_KEY, RECORD
-from clients.teleop.gamepad import Gone, PadConnected, PadMoved
-from clients.teleop.pads import Button
 from tests.clients.joystick.fake_pads import F710_X, KEYBOARD, LB
+from wallride.clients.joystick import devices
+from wallride.clients.joystick.devices import EvdevDevice, LinuxPads
+from wallride.clients.joystick.evdev import EV_ABS, EV_KEY, RECORD
+from wallride.clients.teleop.gamepad import Gone, PadConnected, PadMoved
+from wallride.clients.teleop.pads import Button
 
 GRAB = 0x4004_4590
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-from clients.joystick.evdev import EV_ABS, EV_KEY, EventReader
-from clients.teleop.inputs import Control
-from clients.teleop.pads import Axis, Button, Hat, LayoutError, choose
 from tests.clients.joystick import fake_pads as pads
+from wallride.clients.joystick.evdev import EV_ABS, EV_KEY, EventReader
+from wallride.clients.teleop.inputs import Control
+from wallride.clients.teleop.pads import Axis, Button, Hat, LayoutError, choose
 
 
 def layout(description):

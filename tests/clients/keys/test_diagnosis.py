@@ -6,11 +6,11 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from clients.keys.authority import Authority
-from clients.keys.diagnosis import nothing_heard, why_refused
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
-from runtime.wire.zenoh_config import Person, Role, Tls, car_config
+from wallride.clients.keys.authority import Authority
+from wallride.clients.keys.diagnosis import nothing_heard, why_refused
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.zenoh_config import Person, Role, Tls, car_config
 
 
 @pytest.fixture(scope="module")

@@ -10,14 +10,14 @@ import pytest
 from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
-from clients.keys.authority import Authority
-from clients.keys.folder import KeyFolder
-from runtime.control.vehicle import CarSettings
-from runtime.security.access_list import KeysError
-from runtime.security.certificates import common_name, read_identity
-from runtime.security.key_files import car_keys, client_keys, uplink_sessions
-from runtime.wire.router_config import router_access_control
-from runtime.wire.zenoh_config import Person, Role, Tls, access_control
+from wallride.clients.keys.authority import Authority
+from wallride.clients.keys.folder import KeyFolder
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.security.access_list import KeysError
+from wallride.runtime.security.certificates import common_name, read_identity
+from wallride.runtime.security.key_files import car_keys, client_keys, uplink_sessions
+from wallride.runtime.wire.router_config import router_access_control
+from wallride.runtime.wire.zenoh_config import Person, Role, Tls, access_control
 
 NOW = datetime(2026, 5, 1, 12, tzinfo=UTC)
 ALICE = Person("alice", Role.OPERATOR)
@@ -160,7 +160,7 @@ def test_a_folder_of_another_user_or_behind_their_link_is_refused(folder, tmp_pa
 
 def test_the_cars_key_is_given_to_the_service_before_it_has_its_name(tmp_path, monkeypatch):
     given = []
-    monkeypatch.setattr("clients.keys.folder._service_group", lambda: 77)
+    monkeypatch.setattr("wallride.clients.keys.folder._service_group", lambda: 77)
     monkeypatch.setattr(
         os, "fchown", lambda file, *owner: given.append((Path(f"/proc/self/fd/{file}").readlink().name, owner))
     )

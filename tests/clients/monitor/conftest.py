@@ -4,10 +4,10 @@ from contextlib import asynccontextmanager
 
 import pytest
 
-from runtime.wire import zenoh_config
-from runtime.wire.ports import free_endpoint
 from tests.clients.monitor.browser import chromium, find_chromium, needs_chromium
 from tests.clients.monitor.fake_car import FakeCar
+from wallride.runtime.wire import zenoh_config
+from wallride.runtime.wire.ports import free_endpoint
 
 pytest.importorskip("aiohttp", reason="the monitor needs aiohttp: pip install 'wallride[monitor]'")
 
@@ -34,10 +34,10 @@ class Scene:
 
     @asynccontextmanager
     async def monitor(self, *, address="127.0.0.1", name="ann@laptop", also=(), farewell=None, config=None):
-        from clients.monitor.relay import CarEndpoint, Relay
-        from clients.monitor.server import serving
-        from clients.monitor.session import Host
-        from clients.teleop.shaping import InputShape
+        from wallride.clients.monitor.relay import CarEndpoint, Relay
+        from wallride.clients.monitor.server import serving
+        from wallride.clients.monitor.session import Host
+        from wallride.clients.teleop.shaping import InputShape
 
         places = [CarEndpoint(one, zenoh_config.client_config(one, None)) for one in (self.endpoint, *also)]
         host = Host(Relay(places), name, InputShape(), "9.9", farewell=farewell, config=config)

@@ -10,25 +10,25 @@ import time
 
 import numpy as np
 
-from drivers.api import Drive, MotorState, Scan
-from runtime.arbitration.command import LAB_ORDER, DriveCommand, Source, arbitrate, consent
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.arbitration.emergency_stop import EmergencyStop
-from runtime.arbitration.permit import Permit
-from runtime.control.vehicle import CarSettings
-from runtime.parameters.history import ChangeHistory
-from runtime.parameters.server import ParameterServer
-from runtime.parameters.server import ServerContext as DeskSurroundings
-from runtime.ros import markers, messages
-from runtime.ros.definitions import encoding
-from runtime.ros.markers import BLUE, GREEN, ORANGE, RED, Marker, MarkerType
-from runtime.settings.operator import OperatorSettings
-from runtime.settings.tree import Settings
-from runtime.tasks import parameters
-from runtime.teleop.desk import OperatorDesk
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.network import BYTES
+from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.runtime.arbitration.command import LAB_ORDER, DriveCommand, Source, arbitrate, consent
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.arbitration.emergency_stop import EmergencyStop
+from wallride.runtime.arbitration.permit import Permit
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.parameters.history import ChangeHistory
+from wallride.runtime.parameters.server import ParameterServer
+from wallride.runtime.parameters.server import ServerContext as DeskSurroundings
+from wallride.runtime.ros import markers, messages
+from wallride.runtime.ros.definitions import encoding
+from wallride.runtime.ros.markers import BLUE, GREEN, ORANGE, RED, Marker, MarkerType
+from wallride.runtime.settings.operator import OperatorSettings
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.tasks import parameters
+from wallride.runtime.teleop.desk import OperatorDesk
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import BYTES
 
 BEAMS = 1081
 STEP_RAD = math.radians(0.25)

@@ -4,8 +4,8 @@ import asyncio
 import contextlib
 import time
 
-from runtime.teleop.status import OperatorState
-from runtime.wire.teleop import Command, Input, Press
+from wallride.runtime.teleop.status import OperatorState
+from wallride.runtime.wire.teleop import Command, Input, Press
 
 
 async def watching(tab, scene):

@@ -7,13 +7,13 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from clients.door.token_file import file_name
-from runtime.control.vehicle import CarSettings
-from runtime.wire.ports import free_endpoint
-from runtime.wire.teleop import CarCondition
 from tests.clients.monitor.fake_car import FakeCar
 from tests.clients.monitor.operating import watching
 from tests.promises import promise
+from wallride.clients.door.token_file import file_name
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.teleop import CarCondition
 
 pytestmark = pytest.mark.timeout(120)
 log = logging.getLogger("wallride.measured")

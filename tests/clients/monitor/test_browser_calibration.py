@@ -8,15 +8,15 @@ import time
 
 import pytest
 
-from clients.calibration import ways
-from clients.calibration.steps import DrivenStep
-from clients.monitor import calibration as calibrations
-from runtime.calibration.proposals import Proposal
-from runtime.settings.tree import load_settings
-from runtime.teleop.status import OperatorState
 from tests.clients.monitor.axe import violations
 from tests.clients.monitor.operating import watching
 from tests.promises import promise
+from wallride.clients.calibration import ways
+from wallride.clients.calibration.steps import DrivenStep
+from wallride.clients.monitor import calibration as calibrations
+from wallride.runtime.calibration.proposals import Proposal
+from wallride.runtime.settings.tree import load_settings
+from wallride.runtime.teleop.status import OperatorState
 
 pytestmark = pytest.mark.timeout(120)
 GONE_S = 0.5

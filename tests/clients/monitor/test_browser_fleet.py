@@ -6,11 +6,11 @@ from contextlib import AsyncExitStack, asynccontextmanager
 
 import pytest
 
-from runtime.wire.ports import free_endpoint
 from tests.clients.monitor.axe import violations
 from tests.clients.monitor.fake_car import FakeCar
 from tests.clients.monitor.test_browser_access import SCREENS
 from tests.system.poor_link import PoorLink, Quality
+from wallride.runtime.wire.ports import free_endpoint
 
 pytestmark = pytest.mark.timeout(120)
 ROWS = "[...document.querySelectorAll('#fleet-rows tr')].map((row) => row.querySelector('.car').textContent)"

@@ -2,8 +2,8 @@
 
 import json
 
-from clients.parameters import table
 from tests.clients.monitor.operating import watching
+from wallride.clients.parameters import table
 
 
 def field(name):

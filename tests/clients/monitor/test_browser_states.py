@@ -4,9 +4,9 @@ import asyncio
 
 import pytest
 
-from runtime.arbitration.driving_state import CLEARED_BY
-from runtime.arbitration.emergency_stop import Cause
 from tests.clients.monitor.operating import operate, take_control, watching
+from wallride.runtime.arbitration.driving_state import CLEARED_BY
+from wallride.runtime.arbitration.emergency_stop import Cause
 
 STATE, WHY = "document.querySelector('#state').textContent", "document.querySelector('#why').textContent"
 NEXT = "document.querySelector('#pilot-next').textContent"

@@ -8,10 +8,10 @@ import signal
 import pytest
 import segno
 
-from clients.connection import ConnectionProblemError
-from clients.monitor import server
-from clients.monitor.qr import qr_lines
 from wallride import monitor_options
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.monitor import server
+from wallride.clients.monitor.qr import qr_lines
 
 
 def options(*arguments):

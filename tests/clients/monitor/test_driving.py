@@ -2,12 +2,12 @@
 
 import pytest
 
-from clients.monitor.driving import SILENT_S, PageDriver
-from clients.monitor.messages import InputState
-from clients.teleop.shaping import InputShape
-from runtime.arbitration.command import Source
-from runtime.wire.teleop import Press
 from tests.runtime.operator_rig import BEAT_S, Rig
+from wallride.clients.monitor.driving import SILENT_S, PageDriver
+from wallride.clients.monitor.messages import InputState
+from wallride.clients.teleop.shaping import InputShape
+from wallride.runtime.arbitration.command import Source
+from wallride.runtime.wire.teleop import Press
 
 FEEL = InputShape(max_speed_mps=2.0, ramp_mps2=1000.0, deadzone=0.0, expo=0.0)
 

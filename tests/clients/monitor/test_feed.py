@@ -6,12 +6,12 @@ import time
 
 import pytest
 
-from clients.monitor.feed import PageFeed
-from clients.monitor.relay import CarEndpoint, Relay
-from runtime.wire import zenoh_config
-from runtime.wire.network import RefusedError
-from runtime.wire.teleop import Command, Input, Press
 from tests.clients.monitor.fake_car import FakeCar
+from wallride.clients.monitor.feed import PageFeed
+from wallride.clients.monitor.relay import CarEndpoint, Relay
+from wallride.runtime.wire import zenoh_config
+from wallride.runtime.wire.network import RefusedError
+from wallride.runtime.wire.teleop import Command, Input, Press
 
 SHOWN_WITHIN_S = 10.0
 

@@ -2,9 +2,9 @@
 
 import math
 
-from clients.monitor.history import APART_S, MAX_CARS, MAX_HISTORY_S, NAMES, CarHistories, PlotHistory
-from runtime.ros import messages
-from runtime.wire import topics
+from wallride.clients.monitor.history import APART_S, MAX_CARS, MAX_HISTORY_S, NAMES, CarHistories, PlotHistory
+from wallride.runtime.ros import messages
+from wallride.runtime.wire import topics
 
 STATUS = {
     "speed_mps": 0.9, "output": {"asked_mps": 1.2, "speed_mps": 1.0, "steering_rad": -0.1},

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clients.monitor.messages import LONGEST, Ask, BadMessageError, InputState, StopMessage, read
-from clients.teleop.inputs import Control
+from wallride.clients.monitor.messages import LONGEST, Ask, BadMessageError, InputState, StopMessage, read
+from wallride.clients.teleop.inputs import Control
 
 HANDS = {"t": "hands", "car_session": 7, "beat": 9, "held": ["manual"], "speed": 1, "steering": -0.5}
 

@@ -6,8 +6,8 @@ import struct
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clients.monitor.outbox import GIVE_UP_S, LAZY_S, TOPICS, Outbox, pack
-from runtime.wire import topics
+from wallride.clients.monitor.outbox import GIVE_UP_S, LAZY_S, TOPICS, Outbox, pack
+from wallride.runtime.wire import topics
 
 
 def unpack(bundle):

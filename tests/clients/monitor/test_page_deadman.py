@@ -2,12 +2,12 @@
 
 import pytest
 
-from clients.calibration.link import LetGoError
-from clients.monitor.driving import SILENT_S
-from clients.monitor.messages import InputState
-from clients.monitor.page_deadman import PageDeadman
-from clients.teleop.pilot import LINK_LOST_S
-from runtime.wire.teleop import Beat, CarCondition
+from wallride.clients.calibration.link import LetGoError
+from wallride.clients.monitor.driving import SILENT_S
+from wallride.clients.monitor.messages import InputState
+from wallride.clients.monitor.page_deadman import PageDeadman
+from wallride.clients.teleop.pilot import LINK_LOST_S
+from wallride.runtime.wire.teleop import Beat, CarCondition
 
 
 class Story:

@@ -9,15 +9,15 @@ import time
 import aiohttp
 import pytest
 
-from clients.door import connections
-from clients.fleet.cars import UNREADABLE
-from clients.fleet.race import RaceControl
-from clients.monitor import assets
-from clients.monitor.outbox import TOPICS
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.zenoh_config import client_config
 from tests.promises import promise
+from wallride.clients.door import connections
+from wallride.clients.fleet.cars import UNREADABLE
+from wallride.clients.fleet.race import RaceControl
+from wallride.clients.monitor import assets
+from wallride.clients.monitor.outbox import TOPICS
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.zenoh_config import client_config
 
 
 def number_of(bundle):
@@ -238,7 +238,7 @@ async def fleet_shown(socket):
 @pytest.mark.parametrize("checked", [True, False])
 async def test_whatever_a_car_publishes_stop_all_works_on_a_page_opened_afterwards(scene, http, monkeypatch, checked):
     if not checked:  # what the check of the shape may have overlooked
-        monkeypatch.setattr("clients.fleet.cars.check_status", lambda _status: None)
+        monkeypatch.setattr("wallride.clients.fleet.cars.check_status", lambda _status: None)
     odd, key = Bus(client_config(scene.endpoint, None)), topics.key("odd", topics.STATUS)
     async with scene.car() as car, scene.monitor(), connect(http, scene) as page, connect(http, scene) as late:
         await odd.open()
@@ -268,7 +268,7 @@ async def test_where_the_cars_cannot_be_shown_the_page_says_so_and_stop_all_work
 
 
 async def test_a_page_whose_helper_fails_is_disconnected_and_not_frozen(scene, http, monkeypatch, caplog):
-    monkeypatch.setattr("clients.monitor.session.PageSession._show_pilot", lambda *_: 1 / 0)
+    monkeypatch.setattr("wallride.clients.monitor.session.PageSession._show_pilot", lambda *_: 1 / 0)
     async with scene.monitor(), connect(http, scene) as page:
         await hello(page)
         async with asyncio.timeout(5):

@@ -4,13 +4,13 @@ import json
 
 import pytest
 
-from clients.monitor.messages import Ask, BadMessageError, read
-from runtime.wire import topics
-from sim.car.vehicle import Vehicle
-from sim.live.live_conditions import LiveConditions
-from sim.scenario.conditions import Conditions
-from sim.world.beams import LidarSettings
 from tests.clients.monitor.operating import watching
+from wallride.clients.monitor.messages import Ask, BadMessageError, read
+from wallride.runtime.wire import topics
+from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.live.live_conditions import LiveConditions
+from wallride.sim.scenario.conditions import Conditions
+from wallride.sim.world.beams import LidarSettings
 
 SHOWN = "!document.querySelector('#simulator').hidden"
 

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 import wallride
-from clients.connection import ConnectionProblemError
-from clients.remote.driver import DriveRefusedError
-from clients.remote.values import OdometrySample, ScanSample
-from runtime.wire.network import RefusedError
-from runtime.wire.teleop import Press
 from tests.clients.speaking_car import speaking_car
 from tests.clients.teleop.test_app import FakeCar
 from tests.clients.test_logs import Car as CarWithRecorder
 from tests.clients.test_parameters import Car as CarWithParameters
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.remote.driver import DriveRefusedError
+from wallride.clients.remote.values import OdometrySample, ScanSample
+from wallride.runtime.wire.network import RefusedError
+from wallride.runtime.wire.teleop import Press
 
 
 def in_thread(function):
@@ -363,7 +363,9 @@ async def test_a_script_may_close_the_connection_when_the_interpreter_ends():
 
 
 def test_the_package_imports_nothing_before_it_is_asked():
-    code = "import sys, wallride; print([name for name in ('zenoh', 'numpy', 'clients') if name in sys.modules])"
+    code = (
+        "import sys, wallride; print([name for name in ('zenoh', 'numpy', 'wallride.clients') if name in sys.modules])"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 

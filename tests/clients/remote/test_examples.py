@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import wallride
-from clients.remote.values import ScanSample
-from runtime.wire.ports import free_endpoint
-from sim.live.runtime_process import WallrideProcess
 from tests.docs.test_source_rules import ROOT
+from wallride.clients.remote.values import ScanSample
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.sim.live.runtime_process import WallrideProcess
 
 pytestmark = pytest.mark.timeout(120)
 EXAMPLES = ROOT / "docs" / "examples"
@@ -50,7 +50,7 @@ def is_there(endpoint):
 
 
 def wallride_problem():
-    from clients.connection import ConnectionProblemError
+    from wallride.clients.connection import ConnectionProblemError
 
     return ConnectionProblemError
 

@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from clients.remote.hand import HOLD_S, ScriptedHand
-from clients.teleop.pilot import Pilot
-from runtime.arbitration.command import Source
-from runtime.wire.teleop import Press
 from tests.runtime.operator_rig import BEAT_S, Rig
+from wallride.clients.remote.hand import HOLD_S, ScriptedHand
+from wallride.clients.teleop.pilot import Pilot
+from wallride.runtime.arbitration.command import Source
+from wallride.runtime.wire.teleop import Press
 
 SESSION = 77
 

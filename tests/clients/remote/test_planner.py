@@ -6,16 +6,16 @@ from datetime import UTC, datetime
 import pytest
 
 import wallride
-from clients.keys.authority import Authority
-from clients.remote.acceptance import ACCEPTED_WITHIN_S, Acceptance
-from clients.remote.driver import DriveRefusedError
-from clients.remote.planner import PlanRefusedError
-from runtime.wire import topics
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
-from runtime.wire.zenoh_config import Person, Role, Tls, car_config
 from tests.clients.teleop.test_app import FakeCar
 from tests.runtime.teleop.planner_rig import STEP_S, Planner, Rig
+from wallride.clients.keys.authority import Authority
+from wallride.clients.remote.acceptance import ACCEPTED_WITHIN_S, Acceptance
+from wallride.clients.remote.driver import DriveRefusedError
+from wallride.clients.remote.planner import PlanRefusedError
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.zenoh_config import Person, Role, Tls, car_config
 
 STATUS_S = 0.1
 
@@ -135,7 +135,7 @@ async def test_a_planner_that_is_not_obeyed_learns_it_on_entering(hears, name, r
 
 
 async def test_a_car_without_a_status_cannot_be_planned_for(monkeypatch):
-    monkeypatch.setattr("clients.remote.planner.READY_WITHIN_S", 0.3)
+    monkeypatch.setattr("wallride.clients.remote.planner.READY_WITHIN_S", 0.3)
     async with FakeCar() as car:
 
         def script():

@@ -5,8 +5,8 @@ import threading
 
 import pytest
 
-from clients.connection import ConnectionProblemError
-from clients.remote.stream import Stream
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.remote.stream import Stream
 
 
 def stream(buffer=10, timeout_s=5.0):

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from clients.decoding import UnreadableError
-from clients.remote import values
-from clients.remote.values import value_of
-from runtime.ros.definitions import TYPES
-from runtime.wire import topics
 from tests.runtime.ros.samples import RANGES_M, SAMPLES, STAMP_NS
+from wallride.clients.decoding import UnreadableError
+from wallride.clients.remote import values
+from wallride.clients.remote.values import value_of
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.wire import topics
 
 STAMP_S = STAMP_NS / 1e9
 TAKEN_S = 1.79e9

@@ -1,6 +1,6 @@
 """Event lists as SDL on Linux gives them for a Logitech F710 in both positions of its switch."""
 
-from clients.teleop.pads import Axis, Button, Event, Hat
+from wallride.clients.teleop.pads import Axis, Button, Event, Hat
 
 X_GUID = "030000006d0400001fc2000005030000"
 D_GUID = "030000006d04000019c2000011010000"

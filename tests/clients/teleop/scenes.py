@@ -4,10 +4,10 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 
-from clients.teleop.inputs import Control, Inputs
-from clients.teleop.pilot import Pilot, PilotState
-from clients.teleop.shaping import InputShape
-from runtime.wire.teleop import Beat, CarCondition, Command, Input, Press
+from wallride.clients.teleop.inputs import Control, Inputs
+from wallride.clients.teleop.pilot import Pilot, PilotState
+from wallride.clients.teleop.shaping import InputShape
+from wallride.runtime.wire.teleop import Beat, CarCondition, Command, Input, Press
 
 SESSION = 77
 PERIOD_S = 0.02

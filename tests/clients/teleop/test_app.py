@@ -12,19 +12,19 @@ import time
 
 import pytest
 
-from clients.teleop.app import Client, deadlines
-from clients.teleop.inputs import Control
-from clients.teleop.pilot import Pilot
-from clients.teleop.screen import Screen
-from clients.teleop.script import Script, Step
-from clients.teleop.sources import ScriptSource
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.network import BYTES
-from runtime.wire.ports import free_endpoint
-from runtime.wire.teleop import Beat, CarCondition, Input, Press, read_command
 from tests.clients.teleop.scenes import LINEAR, SESSION
 from tests.promises import promise
+from wallride.clients.teleop.app import Client, deadlines
+from wallride.clients.teleop.inputs import Control
+from wallride.clients.teleop.pilot import Pilot
+from wallride.clients.teleop.screen import Screen
+from wallride.clients.teleop.script import Script, Step
+from wallride.clients.teleop.sources import ScriptSource
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import BYTES
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.teleop import Beat, CarCondition, Input, Press, read_command
 
 MANUAL = frozenset({Control.MANUAL})
 LAP = Script([

@@ -9,11 +9,11 @@ import pytest
 
 pytest.importorskip("pygame")
 
-from clients.teleop.gamepad import Gone, KeyTyped, PadConnected, PadMoved, Sdl
-from clients.teleop.inputs import Control
-from clients.teleop.keyboard import Act, Key, Quit, TerminalFocus
-from clients.teleop.pads import Axis, Button, usb_id
-from clients.teleop.sources import PadSource
+from wallride.clients.teleop.gamepad import Gone, KeyTyped, PadConnected, PadMoved, Sdl
+from wallride.clients.teleop.inputs import Control
+from wallride.clients.teleop.keyboard import Act, Key, Quit, TerminalFocus
+from wallride.clients.teleop.pads import Axis, Button, usb_id
+from wallride.clients.teleop.sources import PadSource
 
 MAPS = Path("/proc/self/maps")
 

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clients.teleop.inputs import Control
-from clients.teleop.key_bytes import KeyBytes
-from clients.teleop.keyboard import (
+from wallride.clients.teleop.inputs import Control
+from wallride.clients.teleop.key_bytes import KeyBytes
+from wallride.clients.teleop.keyboard import (
     CENTRED_START_S,
     REPEAT_GAP_S,
     Act,

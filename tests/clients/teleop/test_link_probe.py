@@ -5,12 +5,12 @@ import math
 
 import pytest
 
-from clients.teleop.advice import PAD_NAMES, AdviceLevel, advise
-from clients.teleop.link_probe import PATIENCE, QUESTION, LinkProbe
-from clients.teleop.screen import CarState, lines
-from runtime.wire.network import RefusedError
 from tests.clients.teleop.scenes import Drive, hands
 from tests.runtime.observed import HandClock
+from wallride.clients.teleop.advice import PAD_NAMES, AdviceLevel, advise
+from wallride.clients.teleop.link_probe import PATIENCE, QUESTION, LinkProbe
+from wallride.clients.teleop.screen import CarState, lines
+from wallride.runtime.wire.network import RefusedError
 
 ANSWER = json.dumps({"values": {PATIENCE: 0.3}}).encode()
 

@@ -4,10 +4,22 @@ import math
 
 import pytest
 
-from clients.teleop import pad_files
-from clients.teleop.inputs import Control
-from clients.teleop.mode_button import ModeWatch
-from clients.teleop.pads import (
+from tests.clients.teleop.recordings import (
+    D_DRIVE,
+    D_GUID,
+    D_REST,
+    D_SDL,
+    MODE_ON,
+    ON_OFF,
+    X_DRIVE,
+    X_GUID,
+    X_REST,
+    X_SDL,
+)
+from wallride.clients.teleop import pad_files
+from wallride.clients.teleop.inputs import Control
+from wallride.clients.teleop.mode_button import ModeWatch
+from wallride.clients.teleop.pads import (
     F710,
     Axis,
     Button,
@@ -20,18 +32,6 @@ from clients.teleop.pads import (
     parse_binding,
     parse_mapping,
     usb_id,
-)
-from tests.clients.teleop.recordings import (
-    D_DRIVE,
-    D_GUID,
-    D_REST,
-    D_SDL,
-    MODE_ON,
-    ON_OFF,
-    X_DRIVE,
-    X_GUID,
-    X_REST,
-    X_SDL,
 )
 
 CONTROLS = (Control.AUTONOMY, Control.ESTOP, Control.RESET, Control.TAKE_OVER)

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
-from clients.teleop.inputs import Control
-from clients.teleop.pilot import DISTRUST, PAD_SILENT_S, PERMIT_SILENT_S, DeadmanFault
-from clients.teleop.shaping import InputShape
-from runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, CarCondition, Input, Press
 from tests.clients.teleop.scenes import DEAD, SESSION, Drive, flags, hands
+from wallride.clients.teleop.inputs import Control
+from wallride.clients.teleop.pilot import DISTRUST, PAD_SILENT_S, PERMIT_SILENT_S, DeadmanFault
+from wallride.clients.teleop.shaping import InputShape
+from wallride.runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, CarCondition, Input, Press
 
 MANUAL, AUTONOMY, ESTOP, RESET, TAKE_OVER = (
     Control.MANUAL,

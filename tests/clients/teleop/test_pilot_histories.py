@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from clients.teleop.inputs import BUTTONS, Control, Inputs
-from clients.teleop.pilot import DISTRUST, LINK_LOST_S, PAD_SILENT_S, PAUSE_S, Pilot
-from runtime.wire.teleop import Beat, CarCondition, Input, Press
 from tests.clients.teleop.scenes import LINEAR, SESSION
+from wallride.clients.teleop.inputs import BUTTONS, Control, Inputs
+from wallride.clients.teleop.pilot import DISTRUST, LINK_LOST_S, PAD_SILENT_S, PAUSE_S, Pilot
+from wallride.runtime.wire.teleop import Beat, CarCondition, Input, Press
 
 NOTHING = Press(0)
 STICKS = st.sampled_from([0.0, 0.0, 0.0, 0.1, 0.5, -0.9, 1.0, math.nan])

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import pytest
 
-from clients.teleop.advice import advise
-from clients.teleop.inputs import Control
-from clients.teleop.keyboard import HELD_NAMES
-from clients.teleop.screen import CarState, Screen, lines
-from runtime.wire.teleop import CarCondition, Input
 from tests.clients.teleop.scenes import DEAD, SESSION, Drive, hands
+from wallride.clients.teleop.advice import advise
+from wallride.clients.teleop.inputs import Control
+from wallride.clients.teleop.keyboard import HELD_NAMES
+from wallride.clients.teleop.screen import CarState, Screen, lines
+from wallride.runtime.wire.teleop import CarCondition, Input
 
 
 def waiting(car):

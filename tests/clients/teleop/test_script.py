@@ -1,8 +1,8 @@
 import pytest
 
-from clients.teleop.inputs import Control
-from clients.teleop.script import Script, ScriptError, Step, load
 from tests.docs.test_source_rules import ROOT
+from wallride.clients.teleop.inputs import Control
+from wallride.clients.teleop.script import Script, ScriptError, Step, load
 
 CSV = "time_s,buttons,speed,steering\n0,,0,0\n0.5,LB,0,0\n1,manual,0.5,-0.2\n2,RB+start,,\n3,,0,0\n"
 TOML = """

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clients.teleop.shaping import InputShape, Shaper, curve, ramp
+from wallride.clients.teleop.shaping import InputShape, Shaper, curve, ramp
 
 STICK = st.floats(-1, 1)
 

@@ -4,14 +4,14 @@ import math
 
 import pytest
 
-from clients.teleop import sources
-from clients.teleop.gamepad import Gone, KeyTyped, PadConnected, PadMoved
-from clients.teleop.inputs import Control
-from clients.teleop.keyboard import Act, Key, Quit, TerminalFocus
-from clients.teleop.pads import Axis, Button, parse_mapping
-from clients.teleop.script import Script, Step
-from runtime.wire.teleop import Input
 from tests.clients.teleop.recordings import D_DRIVE, D_GUID, D_REST, MODE_ON, X_DRIVE, X_GUID, X_REST, X_SDL
+from wallride.clients.teleop import sources
+from wallride.clients.teleop.gamepad import Gone, KeyTyped, PadConnected, PadMoved
+from wallride.clients.teleop.inputs import Control
+from wallride.clients.teleop.keyboard import Act, Key, Quit, TerminalFocus
+from wallride.clients.teleop.pads import Axis, Button, parse_mapping
+from wallride.clients.teleop.script import Script, Step
+from wallride.runtime.wire.teleop import Input
 
 
 class Queue:

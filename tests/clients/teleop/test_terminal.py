@@ -8,11 +8,11 @@ import time
 
 import pytest
 
-from clients.teleop import key_bytes
-from clients.teleop.advice import Advice, AdviceLevel
-from clients.teleop.keyboard import Act, Key, Quit, TerminalAnswer
-from clients.teleop.screen import Screen
-from clients.teleop.terminal import Terminal, is_there
+from wallride.clients.teleop import key_bytes
+from wallride.clients.teleop.advice import Advice, AdviceLevel
+from wallride.clients.teleop.keyboard import Act, Key, Quit, TerminalAnswer
+from wallride.clients.teleop.screen import Screen
+from wallride.clients.teleop.terminal import Terminal, is_there
 
 termios = pytest.importorskip("termios")
 

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from clients.teleop.inputs import Control
-from clients.teleop.pilot import DeadmanFault, Pilot
-from runtime.arbitration.command import Source
-from runtime.wire.teleop import Press
 from tests.clients.teleop.scenes import DEAD, LINEAR, SESSION, hands
 from tests.runtime.operator_rig import AUTO_MPS, BEAT_S, Rig
+from wallride.clients.teleop.inputs import Control
+from wallride.clients.teleop.pilot import DeadmanFault, Pilot
+from wallride.runtime.arbitration.command import Source
+from wallride.runtime.wire.teleop import Press
 
 MANUAL, AUTONOMY, ESTOP, RESET, TAKE_OVER = (
     Control.MANUAL,

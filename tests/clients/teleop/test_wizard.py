@@ -1,9 +1,9 @@
 """An unknown pad is learnt from what a person does with it."""
 
-from clients.teleop import pad_files
-from clients.teleop.inputs import Control
-from clients.teleop.pads import Axis, Button, Hat
-from clients.teleop.wizard import Wizard
+from wallride.clients.teleop import pad_files
+from wallride.clients.teleop.inputs import Control
+from wallride.clients.teleop.pads import Axis, Button, Hat
+from wallride.clients.teleop.wizard import Wizard
 
 
 def answer(wizard, *events):

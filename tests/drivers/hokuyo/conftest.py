@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from sim.devices.scip import ScipEmulator
 from tests.drivers.hokuyo.rig import MakeRig, Rig, stop
+from wallride.sim.devices.scip import ScipEmulator
 
 
 @pytest.fixture(params=["tcp", "serial"])

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from drivers.api import Health, LinkState, Scan
-from drivers.hokuyo.driver import Hokuyo
-from drivers.hokuyo.settings import HokuyoSettings
-from sim.devices.scip import ScipEmulator
+from wallride.drivers.api import Health, LinkState, Scan
+from wallride.drivers.hokuyo.driver import Hokuyo
+from wallride.drivers.hokuyo.settings import HokuyoSettings
+from wallride.sim.devices.scip import ScipEmulator
 
 LIMIT_S = 8.0
 Ranges = npt.NDArray[np.int_]

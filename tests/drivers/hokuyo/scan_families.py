@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.hokuyo.codec import SCAN_FAMILIES, command
-from drivers.hokuyo.replies import decode_number
+from wallride.drivers.hokuyo.codec import SCAN_FAMILIES, command
+from wallride.drivers.hokuyo.replies import decode_number
 
 DIGIT_ZERO, DIGIT_MAX = np.uint8(0x30), 63
 

@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import ProtocolError
-from drivers.hokuyo.codec import (
+from tests.drivers.hokuyo.scan_families import decode_scan, scan_command
+from wallride.drivers.api import ProtocolError
+from wallride.drivers.hokuyo.codec import (
     BLOCK_LIMIT_BYTES,
     ReplyBlock,
     ScipDeframer,
@@ -21,9 +22,8 @@ from drivers.hokuyo.codec import (
     command,
     stream_command,
 )
-from drivers.hokuyo.ranges import RangeDecoder
-from drivers.hokuyo.replies import SensorParameters, StreamStatus, decode_number, fields, is_healthy, judge
-from tests.drivers.hokuyo.scan_families import decode_scan, scan_command
+from wallride.drivers.hokuyo.ranges import RangeDecoder
+from wallride.drivers.hokuyo.replies import SensorParameters, StreamStatus, decode_number, fields, is_healthy, judge
 
 Frame = dict[str, Any]
 

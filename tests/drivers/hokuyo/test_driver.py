@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from drivers.address import TcpAddress
-from drivers.api import LinkState, Scan
-from drivers.hokuyo.conversation import Conversation
-from drivers.hokuyo.settings import HokuyoSettings
-from drivers.link import open_link
-from sim.devices.scip import ScipEmulator
-from sim.devices.scip_encode import UST_10LX
 from tests.drivers.hokuyo.rig import LIMIT_S, MakeRig, Rig, stop
 from tests.promises import promise
+from wallride.drivers.address import TcpAddress
+from wallride.drivers.api import LinkState, Scan
+from wallride.drivers.hokuyo.conversation import Conversation
+from wallride.drivers.hokuyo.settings import HokuyoSettings
+from wallride.drivers.link import open_link
+from wallride.sim.devices.scip import ScipEmulator
+from wallride.sim.devices.scip_encode import UST_10LX
 
 
 async def test_it_starts_says_what_it_is_and_delivers_exact_ranges(rig: Rig) -> None:

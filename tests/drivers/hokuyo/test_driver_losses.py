@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.address import SerialAddress
-from drivers.api import Clock, LinkState
-from drivers.hokuyo import driver
-from drivers.link import ByteLink, open_link
-from sim.devices.scip import ScipEmulator
-from sim.devices.scip_encode import URG_04LX, UTM_30LX
 from tests.drivers.hokuyo.rig import LIMIT_S, MakeRig, Rig, stop
+from wallride.drivers.address import SerialAddress
+from wallride.drivers.api import Clock, LinkState
+from wallride.drivers.hokuyo import driver
+from wallride.drivers.link import ByteLink, open_link
+from wallride.sim.devices.scip import ScipEmulator
+from wallride.sim.devices.scip_encode import URG_04LX, UTM_30LX
 
 
 async def test_silence_is_noticed_and_the_stream_restarted(rig: Rig) -> None:

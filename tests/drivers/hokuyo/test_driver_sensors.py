@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from drivers.api import LinkState
-from sim.devices.scip import ScipEmulator
-from sim.devices.scip_encode import UST_10LX
 from tests.drivers.hokuyo.rig import MakeRig
+from wallride.drivers.api import LinkState
+from wallride.sim.devices.scip import ScipEmulator
+from wallride.sim.devices.scip_encode import UST_10LX
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,10 @@ import time
 
 import pytest
 
-from drivers.api import LinkState
-from sim.devices.scip import ScipEmulator
-from sim.devices.scip_encode import UST_10LX
 from tests.drivers.hokuyo.rig import MakeRig, Rig
+from wallride.drivers.api import LinkState
+from wallride.sim.devices.scip import ScipEmulator
+from wallride.sim.devices.scip_encode import UST_10LX
 
 TIMELESS = "; it does not tell its time (TM): its scans count as "
 

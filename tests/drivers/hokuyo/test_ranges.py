@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.hokuyo.codec import ReplyBlock, ScipDeframer, checksum
-from drivers.hokuyo.ranges import RangeDecoder
-from sim.devices.scip_encode import encode_samples, encode_scan
 from tests.drivers.hokuyo.scan_families import decode_numbers, decode_scan
+from wallride.drivers.hokuyo.codec import ReplyBlock, ScipDeframer, checksum
+from wallride.drivers.hokuyo.ranges import RangeDecoder
+from wallride.sim.devices.scip_encode import encode_samples, encode_scan
 
 
 @given(st.lists(st.integers(0, 262143), min_size=1, max_size=400), st.booleans())

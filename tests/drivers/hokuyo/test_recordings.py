@@ -7,11 +7,11 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from drivers.api import Scan
-from drivers.hokuyo.driver import Hokuyo
-from drivers.hokuyo.settings import HokuyoSettings
-from drivers.hokuyo.timing import DRIFT, WRAP_MS, ClockReading, StampGate
-from sim.devices.scip import ScipEmulator
+from wallride.drivers.api import Scan
+from wallride.drivers.hokuyo.driver import Hokuyo
+from wallride.drivers.hokuyo.settings import HokuyoSettings
+from wallride.drivers.hokuyo.timing import DRIFT, WRAP_MS, ClockReading, StampGate
+from wallride.sim.devices.scip import ScipEmulator
 
 FOLDER = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "racecar"
 FILES = sorted(path.stem for path in FOLDER.glob("*.npz") if "no_scan" not in path.stem)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.hokuyo.timing import DRIFT, NEW_CLOCK_AFTER_S, WRAP_MS, ClockReading, StampGate
+from wallride.drivers.hokuyo.timing import DRIFT, NEW_CLOCK_AFTER_S, WRAP_MS, ClockReading, StampGate
 
 PERIOD_MS, SWEEP_MS = 25, 19
 

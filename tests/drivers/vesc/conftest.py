@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.devices.vesc import VescEmulator
+from wallride.sim.devices.vesc import VescEmulator
 
 
 @pytest.fixture

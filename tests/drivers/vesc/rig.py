@@ -5,12 +5,12 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
-from drivers.api import Drive, LinkState, MotorState
-from drivers.vesc import codec
-from drivers.vesc.codec import Packet
-from drivers.vesc.driver import Vesc
-from drivers.vesc.settings import VescSettings
-from sim.devices.vesc import VescEmulator
+from wallride.drivers.api import Drive, LinkState, MotorState
+from wallride.drivers.vesc import codec
+from wallride.drivers.vesc.codec import Packet
+from wallride.drivers.vesc.driver import Vesc
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.sim.devices.vesc import VescEmulator
 
 PATIENCE_S = 10.0
 BRAKE = codec.set_brake_current(VescSettings().brake_current_a)

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.vesc import codec
-from drivers.vesc.calibration import Calibration
-from drivers.vesc.settings import VescSettings
+from wallride.drivers.vesc import codec
+from wallride.drivers.vesc.calibration import Calibration
+from wallride.drivers.vesc.settings import VescSettings
 
 CALIBRATION = Calibration(VescSettings())
 

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.vesc import codec
-from drivers.vesc.codec import Packet, VescDeframer, frame
+from wallride.drivers.vesc import codec
+from wallride.drivers.vesc.codec import Packet, VescDeframer, frame
 
 VECTORS = Path(__file__).resolve().parents[3] / ".." / "shared" / "reference" / "vectors" / "vesc.json"
 

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import Health, MotorState
-from drivers.vesc.calibration import Calibration
-from drivers.vesc.condition import VescMonitor
-from drivers.vesc.replies import Values
-from drivers.vesc.settings import VescSettings
-from drivers.vesc.tachometer import MAX_STEPS_PER_POLL, Tachometer
+from wallride.drivers.api import Health, MotorState
+from wallride.drivers.vesc.calibration import Calibration
+from wallride.drivers.vesc.condition import VescMonitor
+from wallride.drivers.vesc.replies import Values
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.drivers.vesc.tachometer import MAX_STEPS_PER_POLL, Tachometer
 
 WELL = Values(
     motor_current_a=1.0,

@@ -8,17 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import Drive, Health, LinkState
-from drivers.vesc import codec
-from drivers.vesc.calibration import Calibration
-from drivers.vesc.condition import VescMonitor
-from drivers.vesc.cross_check import COUNTS_WRONG, RUNS_BACKWARDS, CrossCheck
-from drivers.vesc.driver import Vesc
-from drivers.vesc.settings import VescSettings
-from runtime.control.limiter import Limiter, Limits
-from sim.devices.vesc import VescEmulator
 from tests.drivers.vesc.rig import BRAKE, ready, seen, until
 from tests.drivers.vesc.test_condition import WELL
+from wallride.drivers.api import Drive, Health, LinkState
+from wallride.drivers.vesc import codec
+from wallride.drivers.vesc.calibration import Calibration
+from wallride.drivers.vesc.condition import VescMonitor
+from wallride.drivers.vesc.cross_check import COUNTS_WRONG, RUNS_BACKWARDS, CrossCheck
+from wallride.drivers.vesc.driver import Vesc
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.sim.devices.vesc import VescEmulator
 
 PERIOD_S = 0.02
 GAIN = VescSettings().speed_to_erpm_gain

@@ -8,15 +8,15 @@ from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from drivers.api import Drive, LinkState, Motor
-from drivers.link import ByteLink
-from drivers.vesc import codec, driver
-from drivers.vesc.codec import MOTOR_PACKETS, Packet, frame
-from drivers.vesc.driver import Vesc
-from drivers.vesc.inertia import Inertia
-from drivers.vesc.settings import VescSettings
-from sim.devices.vesc import VescEmulator
 from tests.drivers.vesc.rig import BRAKE, CENTRE, PATIENCE_S, ready, running, seen, sent, until, vesc_at
+from wallride.drivers.api import Drive, LinkState, Motor
+from wallride.drivers.link import ByteLink
+from wallride.drivers.vesc import codec, driver
+from wallride.drivers.vesc.codec import MOTOR_PACKETS, Packet, frame
+from wallride.drivers.vesc.driver import Vesc
+from wallride.drivers.vesc.inertia import Inertia
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.sim.devices.vesc import VescEmulator
 
 
 async def test_whoever_wants_to_know_is_told_how_long_each_reply_took(emulator):
@@ -191,7 +191,7 @@ async def test_the_kill_switch_shows(emulator):
 
 
 async def test_an_empty_battery_is_told_but_does_not_stop_the_car(emulator, monkeypatch):
-    monkeypatch.setattr("drivers.vesc.condition.LOW_VOLTAGE_S", 0.05)
+    monkeypatch.setattr("wallride.drivers.vesc.condition.LOW_VOLTAGE_S", 0.05)
     async with ready(emulator) as vesc:
         emulator.report(voltage_v=0.4)
         await until(lambda: vesc.health.link is LinkState.FAULTY)

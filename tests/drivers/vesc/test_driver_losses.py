@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from drivers.api import Drive, LinkState
-from drivers.vesc import codec, driver
-from drivers.vesc.codec import Packet, frame
-from drivers.vesc.condition import VescMonitor
-from sim.devices.vesc import VescEmulator
 from tests.drivers.vesc.rig import BRAKE, CENTRE, PATIENCE_S, commands, ready, running, seen, sent, until, vesc_at
+from wallride.drivers.api import Drive, LinkState
+from wallride.drivers.vesc import codec, driver
+from wallride.drivers.vesc.codec import Packet, frame
+from wallride.drivers.vesc.condition import VescMonitor
+from wallride.sim.devices.vesc import VescEmulator
 
 
 async def test_the_distance_survives_a_reboot_and_a_lost_link(emulator):

@@ -4,9 +4,9 @@ import asyncio
 
 import pytest
 
-from drivers.api import Drive
-from drivers.vesc.codec import Packet
 from tests.drivers.vesc.virtual_rig import GAIN, play
+from wallride.drivers.api import Drive
+from wallride.drivers.vesc.codec import Packet
 
 BRAKES_WITHIN_S = 0.1
 SHOWN_S, LASTS_S, ENDS_S = 1.0, 0.3, 2.0

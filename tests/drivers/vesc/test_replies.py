@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from drivers.vesc import replies
-from drivers.vesc.faults import fault_text
+from wallride.drivers.vesc import replies
+from wallride.drivers.vesc.faults import fault_text
 
 VECTORS = Path(__file__).resolve().parents[3] / ".." / "shared" / "reference" / "vectors" / "vesc.json"
 NAMES = {

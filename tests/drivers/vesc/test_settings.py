@@ -3,7 +3,7 @@
 import pytest
 from pydantic import ValidationError
 
-from drivers.vesc.settings import VescSettings
+from wallride.drivers.vesc.settings import VescSettings
 
 
 def test_the_defaults_are_those_of_the_stock_cars():

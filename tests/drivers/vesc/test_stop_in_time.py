@@ -5,13 +5,13 @@ import math
 
 import pytest
 
-from drivers.api import Drive, LinkLost, LinkState
-from drivers.vesc import codec, driver
-from drivers.vesc.codec import Packet, frame
-from drivers.vesc.cross_check import RUNS_BACKWARDS
-from drivers.vesc.faults import fault_text
-from drivers.vesc.settings import VescSettings
 from tests.drivers.vesc.virtual_rig import GAIN, play
+from wallride.drivers.api import Drive, LinkLost, LinkState
+from wallride.drivers.vesc import codec, driver
+from wallride.drivers.vesc.codec import Packet, frame
+from wallride.drivers.vesc.cross_check import RUNS_BACKWARDS
+from wallride.drivers.vesc.faults import fault_text
+from wallride.drivers.vesc.settings import VescSettings
 
 READY_S = 0.5
 LOST_AFTER_S = 0.15

@@ -11,14 +11,14 @@ from contextlib import suppress
 from typing import Any
 from unittest import mock
 
-from drivers.api import Drive, LinkLost
-from drivers.link import ByteLink
-from drivers.vesc import codec, driver
-from drivers.vesc.codec import Packet
-from drivers.vesc.driver import Vesc
-from drivers.vesc.settings import VescSettings
-from sim.devices.vesc_replies import firmware_reply, values_reply
-from sim.virtual.virtual_time import run_virtual
+from wallride.drivers.api import Drive, LinkLost
+from wallride.drivers.link import ByteLink
+from wallride.drivers.vesc import codec, driver
+from wallride.drivers.vesc.codec import Packet
+from wallride.drivers.vesc.driver import Vesc
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.sim.devices.vesc_replies import firmware_reply, values_reply
+from wallride.sim.virtual.virtual_time import run_virtual
 
 ANSWERS_AFTER_S = 0.002
 FIRMWARE = (6, 5)

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.arbitration import command
-from runtime.arbitration.command import LAB_ORDER, Source, SpeedLimit, Verdict, arbitrate, consent, refusal
 from tests.runtime.decisions import BOUND_ORDER, CASES, REQUIRED, Case, estop, failing, nav, permit, safety, stick
+from wallride.runtime.arbitration import command
+from wallride.runtime.arbitration.command import LAB_ORDER, Source, SpeedLimit, Verdict, arbitrate, consent, refusal
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.title)

@@ -5,10 +5,10 @@ import math
 
 import pytest
 
-from drivers.api import Drive
-from runtime.arbitration.command import LAB_ORDER, DriveCommand, Source, consent, refusal
-from runtime.arbitration.command_queue import CommandQueue
 from tests.runtime.observed import HandClock
+from wallride.drivers.api import Drive
+from wallride.runtime.arbitration.command import LAB_ORDER, DriveCommand, Source, consent, refusal
+from wallride.runtime.arbitration.command_queue import CommandQueue
 
 STICK = DriveCommand(Source.TELEOP, Drive(1.0, 0.0), None, "stick")
 WALL = DriveCommand(Source.NAVIGATION, Drive(2.0, 0.0), None, "wall")

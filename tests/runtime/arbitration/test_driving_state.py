@@ -5,10 +5,11 @@ import math
 
 import pytest
 
-from drivers.api import Drive, LinkState
-from runtime.arbitration.command import LAB_ORDER, Decision, Output, Source
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.arbitration.driving_state import (
+from tests.runtime.observed import HandClock
+from wallride.drivers.api import Drive, LinkState
+from wallride.runtime.arbitration.command import LAB_ORDER, Decision, Output, Source
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.arbitration.driving_state import (
     BATTERY_CLEARED_BY,
     CLEARED_BY,
     PLANNER_CLEARED_BY,
@@ -21,10 +22,9 @@ from runtime.arbitration.driving_state import (
     observe,
     settle,
 )
-from runtime.arbitration.emergency_stop import Cause, EmergencyStop
-from runtime.arbitration.permit import Permit
-from sim.virtual.devices import MemoryLidar, MemoryMotor
-from tests.runtime.observed import HandClock
+from wallride.runtime.arbitration.emergency_stop import Cause, EmergencyStop
+from wallride.runtime.arbitration.permit import Permit
+from wallride.sim.virtual.devices import MemoryLidar, MemoryMotor
 
 S, E = DrivingState, Observation
 SETTLED = {

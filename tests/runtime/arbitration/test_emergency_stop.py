@@ -4,9 +4,9 @@ import itertools
 
 import pytest
 
-from runtime.arbitration.command import LAB_ORDER, Source, arbitrate
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.arbitration.emergency_stop import Cause, EmergencyStop
+from wallride.runtime.arbitration.command import LAB_ORDER, Source, arbitrate
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.arbitration.emergency_stop import Cause, EmergencyStop
 
 
 @pytest.fixture

@@ -2,9 +2,9 @@
 
 import math
 
-from runtime.arbitration.command import LAB_ORDER, NO_LIMIT_MPS
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.arbitration.permit import NOT_GRANTED, NOT_REQUIRED, Permit
+from wallride.runtime.arbitration.command import LAB_ORDER, NO_LIMIT_MPS
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.arbitration.permit import NOT_GRANTED, NOT_REQUIRED, Permit
 
 
 def word(queue):

@@ -6,8 +6,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from runtime.arbitration.queues import NEVER_S, Inbox, PriorityQueue
-from sim.virtual.virtual_time import run_virtual
+from wallride.runtime.arbitration.queues import NEVER_S, Inbox, PriorityQueue
+from wallride.sim.virtual.virtual_time import run_virtual
 
 KEYS = st.sampled_from("abcde")
 

@@ -4,16 +4,16 @@ import math
 
 import numpy as np
 
-from clients.calibration import ways
-from runtime.calibration.arc_fit import AssumedCar
-from runtime.calibration.measured_car import measure_arcs, measure_braking, measure_delays
-from sim.car.vehicle_settings import VehicleSettings
-from sim.car.wiring import WiringErrors
-from sim.virtual.calibrated_car import PlantedCar, VirtualCar
-from sim.world.beams import LidarSettings
-from sim.world.place import World
-from sim.world.pose import Pose
-from sim.world.segments import SegmentGeometry, chain
+from wallride.clients.calibration import ways
+from wallride.runtime.calibration.arc_fit import AssumedCar
+from wallride.runtime.calibration.measured_car import measure_arcs, measure_braking, measure_delays
+from wallride.sim.car.vehicle_settings import VehicleSettings
+from wallride.sim.car.wiring import WiringErrors
+from wallride.sim.virtual.calibrated_car import PlantedCar, VirtualCar
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.segments import SegmentGeometry, chain
 
 LAB = World(
     "lab",

@@ -3,9 +3,6 @@
 import numpy as np
 import pytest
 
-from runtime.calibration.near_parts import near_parts_m
-from sim.car.wiring import NO_ERRORS
-from sim.world.own_parts import profile
 from tests.runtime.calibration.planted import (
     CORRIDOR,
     TRUE_OFFSET_RAD,
@@ -16,6 +13,9 @@ from tests.runtime.calibration.planted import (
     delays_of,
     planted_car,
 )
+from wallride.runtime.calibration.near_parts import near_parts_m
+from wallride.sim.car.wiring import NO_ERRORS
+from wallride.sim.world.own_parts import profile
 
 OWN_PARTS = ("posts", "cables", "film")
 DEG = np.radians(1.0)

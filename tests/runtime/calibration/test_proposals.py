@@ -2,10 +2,10 @@
 
 import pytest
 
-from runtime.calibration import proposals
-from runtime.calibration.arc_fit import ArcFit
-from runtime.calibration.delays import DelayFit
-from runtime.calibration.responses import Estimate, unidentified
+from wallride.runtime.calibration import proposals
+from wallride.runtime.calibration.arc_fit import ArcFit
+from wallride.runtime.calibration.delays import DelayFit
+from wallride.runtime.calibration.responses import Estimate, unidentified
 
 NOW = {
     proposals.SPEED_GAIN: 4614.0, proposals.WHEELBASE: 0.25, proposals.SERVO_GAIN: -1.2, proposals.SERVO_OFFSET: 0.53,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from runtime.calibration.responses import CommandSteps, Samples, fit_response
-from runtime.control.perception.geometry import Floats
+from wallride.runtime.calibration.responses import CommandSteps, Samples, fit_response
+from wallride.runtime.control.perception.geometry import Floats
 
 FINE_S = 1e-4
 RATE_RADPS = 3.2

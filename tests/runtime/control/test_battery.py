@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 from pydantic import ValidationError
 
-from drivers.api import MotorState
-from runtime.control.battery import LASTS_S, LOADED_ABOVE_A, BatteryMonitor, BatterySettings, Charge
+from wallride.drivers.api import MotorState
+from wallride.runtime.control.battery import LASTS_S, LOADED_ABOVE_A, BatteryMonitor, BatterySettings, Charge
 
 REPORT = MotorState(0.0, 0.0, 0.0, 0.0, 12.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
 FREE = float("inf")

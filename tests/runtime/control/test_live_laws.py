@@ -5,18 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import MotorState, Scan
-from runtime.control.limiter import Limiter, Limits
-from runtime.control.live_laws import LiveLaws
-from runtime.control.report.laws import ReportTurn
-from runtime.control.safety.swept import ON_LIDAR
-from runtime.control.vehicle import CarSettings
-from runtime.settings.tree import Settings
-from sim.car.vehicle import VehicleSettings
-from sim.virtual.closed_loop import Case, drive
-from sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
-from sim.world.pose import Pose
-from sim.world.worlds import load_world
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.report.laws import ReportTurn
+from wallride.runtime.control.safety.swept import ON_LIDAR
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.virtual.closed_loop import Case, drive
+from wallride.sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.worlds import load_world
 
 CAR = CarSettings()
 

@@ -7,8 +7,8 @@ import os
 
 import pytest
 
-from runtime.host.computer import HOT_C, read_computer
-from runtime.tasks.computer import ComputerWatch
+from wallride.runtime.host.computer import HOT_C, read_computer
+from wallride.runtime.tasks.computer import ComputerWatch
 
 
 class Tree:

@@ -9,11 +9,11 @@ import time
 
 import pytest
 
-from runtime.host.logging_setup import MAX_WAITING, _LineFormatter, journal
+from wallride.runtime.host.logging_setup import MAX_WAITING, _LineFormatter, journal
 
 BLOCKED = """
 import logging
-from runtime.host.logging_setup import journal
+from wallride.runtime.host.logging_setup import journal
 with journal("INFO", "text"):
     for number in range(50_000):
         logging.getLogger("wallride").info("a line of the log, number %d", number)

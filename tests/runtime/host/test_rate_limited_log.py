@@ -2,7 +2,7 @@
 
 import logging
 
-from runtime.host.rate_limited_log import RateLimitedLog
+from wallride.runtime.host.rate_limited_log import RateLimitedLog
 
 
 def test_a_flood_is_a_line_now_and_then_with_a_count(caplog):

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from runtime.host.scheduling import keep_for_this_thread
+from wallride.runtime.host.scheduling import keep_for_this_thread
 
 INHERITED = "os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(20))"
 ASKED = 'os.environ["WALLRIDE_REALTIME_PRIORITY"] = "20"'
@@ -15,7 +15,7 @@ import resource
 resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
 if os.getuid() == 0: os.setuid(65534)
 os.environ["WALLRIDE_REALTIME_PRIORITY"] = "20"
-from runtime.host.scheduling import keep_for_this_thread
+from wallride.runtime.host.scheduling import keep_for_this_thread
 print(keep_for_this_thread())
 print(os.sched_getscheduler(0) == os.SCHED_OTHER)
 """
@@ -28,7 +28,7 @@ def refuse(thread, policy, parameter):
     real(thread, policy, parameter)
 os.sched_setscheduler = refuse
 os.environ["WALLRIDE_REALTIME_PRIORITY"] = "20"
-from runtime.host.scheduling import keep_for_this_thread
+from wallride.runtime.host.scheduling import keep_for_this_thread
 print(keep_for_this_thread())
 seen = []
 thread = threading.Thread(target=lambda: seen.append(os.getpriority(os.PRIO_PROCESS, 0)))
@@ -36,7 +36,7 @@ thread.start(); thread.join()
 print(os.getpriority(os.PRIO_PROCESS, 0), *seen)
 """
 THREADS = """
-from runtime.host.scheduling import ask_for_precedence, keep_for_this_thread
+from wallride.runtime.host.scheduling import ask_for_precedence, keep_for_this_thread
 words = keep_for_this_thread()
 seen = []
 def note():
@@ -53,7 +53,7 @@ print(words)
 print(*seen)
 """
 PROGRAM = """
-from runtime.host.scheduling import keep_for_this_thread
+from wallride.runtime.host.scheduling import keep_for_this_thread
 print(keep_for_this_thread())
 seen = []
 thread = threading.Thread(target=lambda: seen.append(os.sched_getscheduler(threading.get_native_id())))
@@ -98,7 +98,7 @@ def test_a_thread_of_python_runs_before_ordinary_programs_where_the_one_that_dri
 
 
 def test_a_refused_policy_is_said_and_the_car_drives_without():
-    program = f"import os\nfrom runtime.host import scheduling\n{REFUSED}"
+    program = f"import os\nfrom wallride.runtime.host import scheduling\n{REFUSED}"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=50)
     words, verdict = done.stdout.splitlines()
     assert words.startswith("ordinary scheduling: SCHED_FIFO was refused (Operation not permitted")

@@ -2,7 +2,7 @@
 
 import socket
 
-from runtime.host.systemd import ServiceManager
+from wallride.runtime.host.systemd import ServiceManager
 
 
 def test_words_arrive_and_a_status_only_when_it_changes(tmp_path):

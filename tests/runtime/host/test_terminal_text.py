@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.host.terminal_text import CLEAR_SCREEN, one_line, say
+from wallride.runtime.host.terminal_text import CLEAR_SCREEN, one_line, say
 
 ROOT = Path(__file__).resolve().parents[3]
 PRINTS_OF_ITS_OWN = {

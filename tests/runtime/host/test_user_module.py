@@ -5,12 +5,12 @@ import sys
 
 import pytest
 
-from runtime.host.ownership import changed_by_others
-from runtime.host.user_module import UserCodeError, import_module
-from runtime.settings.tree import SettingsError, load_settings
 from tests.own_laws import STRAIGHT, law_file
 from wallride.cli import main
 from wallride.doctor.program import laws_open_to_others
+from wallride.runtime.host.ownership import changed_by_others
+from wallride.runtime.host.user_module import UserCodeError, import_module
+from wallride.runtime.settings.tree import SettingsError, load_settings
 
 __all__ = ["law_file"]
 
@@ -19,7 +19,7 @@ __all__ = ["law_file"]
 def root(tmp_path, monkeypatch):
     """Be root, or one who looks like it and to whom this folder belongs."""
     owner = os.geteuid()
-    monkeypatch.setattr("runtime.host.user_module.is_root", lambda: True)
+    monkeypatch.setattr("wallride.runtime.host.user_module.is_root", lambda: True)
     assert not changed_by_others(tmp_path), f"a folder of {owner} alone"
 
 
@@ -118,7 +118,7 @@ def test_a_command_that_needs_no_law_loads_none(command, tmp_path, monkeypatch, 
 
 
 def test_check_and_doctor_say_that_a_law_may_be_exchanged(law_file, tmp_path, monkeypatch):
-    monkeypatch.setattr("runtime.host.user_module.is_root", lambda: False)
+    monkeypatch.setattr("wallride.runtime.host.user_module.is_root", lambda: False)
     name = law_file(STRAIGHT)
     load_settings(None, [f"wall_follow.method={name}"], laws=True)
     assert laws_open_to_others() == []

@@ -6,10 +6,10 @@ from collections import Counter
 
 import pytest
 
-from drivers import accelerated
-from drivers.accelerated import FUNCTIONS, UnfitError
 from tests.compiled_laws import import_laws, put_in_place
 from tests.runtime.kernel.sameness import assert_same
+from wallride.drivers import accelerated
+from wallride.drivers.accelerated import FUNCTIONS, UnfitError
 
 
 @pytest.fixture(scope="session")

@@ -16,10 +16,10 @@ import numpy as np
 
 os.environ["WALLRIDE_COMPILED"] = "0"
 
-from drivers import accelerated
-from drivers.accelerated import FUNCTIONS
 from tests.compiled_laws import import_laws
 from tests.runtime.kernel.sameness import Drive, ranges
+from wallride.drivers import accelerated
+from wallride.drivers.accelerated import FUNCTIONS
 
 MAX_CALL_S = 20.0
 KEPT = 40

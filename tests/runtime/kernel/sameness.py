@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from drivers.accelerated import FUNCTIONS
-from drivers.api import MotorState, Scan
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.safety.swept import SweptGuard
-from runtime.control.safety.swept_settings import SweptSettings
-from runtime.control.vehicle import CarSettings
-from runtime.control.wall_following.ball import BallFollower
-from runtime.control.wall_following.ball_settings import BallSettings
 from tests.runtime.kernel.structures import STRUCTURES
+from wallride.drivers.accelerated import FUNCTIONS
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.safety.swept import SweptGuard
+from wallride.runtime.control.safety.swept_settings import SweptSettings
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.wall_following.ball import BallFollower
+from wallride.runtime.control.wall_following.ball_settings import BallSettings
 
 BEAMS, STEP_RAD = 1081, math.radians(0.25)
 ROUNDING = 1e-9

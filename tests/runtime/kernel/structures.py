@@ -4,15 +4,15 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.window_dirt import Evidence, LearningShares
-from runtime.control.safety.footprint import Outline
-from runtime.control.safety.manoeuvre_rollout import RolloutStart
-from runtime.control.wall_following.ball_law import Aim, Steered
-from runtime.control.wall_following.ball_path import Ball, BallPath
-from runtime.control.wall_following.followed_wall import FollowedWall
-from runtime.control.wall_following.prediction import Shift
-from runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.window_dirt import Evidence, LearningShares
+from wallride.runtime.control.safety.footprint import Outline
+from wallride.runtime.control.safety.manoeuvre_rollout import RolloutStart
+from wallride.runtime.control.wall_following.ball_law import Aim, Steered
+from wallride.runtime.control.wall_following.ball_path import Ball, BallPath
+from wallride.runtime.control.wall_following.followed_wall import FollowedWall
+from wallride.runtime.control.wall_following.prediction import Shift
+from wallride.runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
 
 
 def _lines(beams, rear, front):

@@ -3,8 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.hokuyo.codec import checksum
 from tests.runtime.kernel.sameness import PYTHON, assert_same
+from wallride.drivers.hokuyo.codec import checksum
 
 
 @given(data=st.binary(max_size=300), flipped=st.integers(0, 10**6))

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sim.virtual.closed_loop import as_scan
-from sim.world.beams import LidarSettings, scan
-from sim.world.pose import Pose, Twist
-from sim.world.worlds import load_world
 from tests.runtime.kernel.sameness import Drive, ranges
+from wallride.sim.virtual.closed_loop import as_scan
+from wallride.sim.world.beams import LidarSettings, scan
+from wallride.sim.world.pose import Pose, Twist
+from wallride.sim.world.worlds import load_world
 
 
 @pytest.mark.parametrize("side", ["left", "right"])

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.control.wall_following.prediction import SteeringHistory, Told
 from tests.runtime.kernel.sameness import PYTHON, SOME_RAD, assert_same
+from wallride.runtime.control.wall_following.prediction import SteeringHistory, Told
 
 BOUND_S = st.floats(0.0, 0.2)
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.control.wall_following.wall_track import START
 from tests.runtime.kernel.sameness import ANGLE, PYTHON, assert_same
+from wallride.runtime.control.wall_following.wall_track import START
 
 RADII = tuple(np.linspace(0.3, 3.0, 10).tolist())
 YES_OR_NO = st.lists(st.booleans(), min_size=13, max_size=13)

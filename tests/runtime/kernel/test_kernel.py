@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers import accelerated
-from drivers.accelerated import FUNCTIONS, ROOT, UnfitError, extension
-from runtime import kernel
-from runtime.kernel.build import FILE, BuildError, _headers, build
-from runtime.kernel.survey import Survey, c_digest, read_seal
+from wallride.drivers import accelerated
+from wallride.drivers.accelerated import FUNCTIONS, ROOT, UnfitError, extension
+from wallride.runtime import kernel
+from wallride.runtime.kernel.build import FILE, BuildError, _headers, build
+from wallride.runtime.kernel.survey import Survey, c_digest, read_seal
 
 SEAL_AGAIN = "after the C does the same and these tests pass: wallride build-kernel --seal"
 NEAR = "runtime/control/safety/rear_memory.py"
@@ -80,7 +80,7 @@ def test_what_is_built_is_the_c_that_is_here(compiled):
 
 
 def test_every_accelerated_function_has_its_c(compiled):
-    of_the_car = {name for name in Survey(ROOT).functions if not name.startswith("sim.")}
+    of_the_car = {name for name in Survey(ROOT).functions if not name.startswith("wallride.sim.")}
     assert {f"{one.python.__module__}.{name}" for name, one in FUNCTIONS.items()} >= of_the_car
     assert set(compiled) == set(FUNCTIONS)
 
@@ -88,7 +88,9 @@ def test_every_accelerated_function_has_its_c(compiled):
 @pytest.fixture(scope="module")
 def checkout(compiled, tmp_path_factory):
     """A copy of the source with the extension in it; edits are undone."""
-    copy = tmp_path_factory.mktemp("checkout")
+    copy = tmp_path_factory.mktemp("checkout") / "wallride"
+    copy.mkdir()
+    (copy / "__init__.py").touch()
     for package in ("drivers", "runtime", "sim"):
         shutil.copytree(ROOT / package, copy / package, ignore=shutil.ignore_patterns("__pycache__"))
     return copy
@@ -99,16 +101,16 @@ def edited(checkout):
     """Replace text in a file of the copy, and return what a program there prints."""
     before = {}
 
-    def edit(name, old, new, program="import runtime.kernel.__main__"):
+    def edit(name, old, new, program="import wallride.runtime.kernel.__main__"):
         path = checkout / name
         before[path] = path.read_text()
         assert old in before[path]
         path.write_text(before[path].replace(old, new))
-        surroundings = {**os.environ, "PYTHONPATH": str(checkout), "PYTHONDONTWRITEBYTECODE": "1"}
+        surroundings = {**os.environ, "PYTHONPATH": str(checkout.parent), "PYTHONDONTWRITEBYTECODE": "1"}
         surroundings.pop(accelerated.SWITCH, None)
         command = [sys.executable, "-c", program]
         return subprocess.run(
-            command, env=surroundings, cwd=checkout, capture_output=True, text=True, check=True
+            command, env=surroundings, cwd=checkout.parent, capture_output=True, text=True, check=True
         ).stdout
 
     yield edit
@@ -126,8 +128,8 @@ def test_an_edited_comment_or_docstring_costs_nothing(edited, compiled):
 PLACES = """
 from types import SimpleNamespace
 import numpy as np
-from drivers.accelerated import in_c
-from runtime.control.safety.rear_memory import find_near_places
+from wallride.drivers.accelerated import in_c
+from wallride.runtime.control.safety.rear_memory import find_near_places
 far = np.array([1.0, 2.0, 3.0])
 view = SimpleNamespace(x_m=far, y_m=0 * far, solid=far > 0, ranges_m=far)
 print("find_near_places" in in_c(), find_near_places(view, 0j, 0.0).size)
@@ -153,8 +155,8 @@ def test_what_calls_an_edited_function_drives_in_python_too(edited):
 
 CASTS = """
 import numpy as np
-from sim.world import compiled, grid, segments
-from sim.world.pose import Pose
+from wallride.sim.world import compiled, grid, segments
+from wallride.sim.world.pose import Pose
 wall = segments.SegmentGeometry(np.array([[2.0, -1.0, 2.0, 0.0]])).cast(0.0, 0.0, np.array([1e-6]))
 cells = grid.GridGeometry(np.zeros((9, 9), bool), 0.1, Pose(0, 0, 0)).cast(0.5, 0.5, np.array([0.0]))
 print(*(compiled.by_c(one) is not None for one in (segments.cast_walls, grid.cast_cells)), wall[0], round(cells[0], 3))
@@ -201,7 +203,7 @@ def test_wrong_slots_of_constants_are_refused(compiled):
 
 
 def test_it_can_be_switched_off(edited):
-    program = "import os; os.environ['WALLRIDE_COMPILED'] = '0'; import runtime.kernel.__main__"
+    program = "import os; os.environ['WALLRIDE_COMPILED'] = '0'; import wallride.runtime.kernel.__main__"
     assert edited(NEAR, "NEAR_M", "NEAR_M", program) == "the hot path runs in Python (WALLRIDE_COMPILED=0)\n"
 
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import event, given
 from hypothesis import strategies as st
 
-from runtime.control.wall_following.followed_wall import wall_side
 from tests.runtime.kernel.sameness import PYTHON, assert_same, ranges
+from wallride.runtime.control.wall_following.followed_wall import wall_side
 
 
 def some_room(seed, beams):

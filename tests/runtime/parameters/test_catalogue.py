@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from runtime.control.method_settings import METHODS
-from runtime.parameters.catalogue import ValueKind, catalogue, values
-from runtime.parameters.policy import LOOSENS, Effect, Loosens, effect_of, is_looser, loosens_by
-from runtime.parameters.update import UnacceptableError, looser, plan
-from runtime.settings.tree import Settings, load_settings
+from wallride.runtime.control.method_settings import METHODS
+from wallride.runtime.parameters.catalogue import ValueKind, catalogue, values
+from wallride.runtime.parameters.policy import LOOSENS, Effect, Loosens, effect_of, is_looser, loosens_by
+from wallride.runtime.parameters.update import UnacceptableError, looser, plan
+from wallride.runtime.settings.tree import Settings, load_settings
 
 ROOT = Path(__file__).resolve().parents[3]
 SETTINGS = Settings()

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from runtime.parameters import file as settings_file
-from runtime.parameters.file import MARK, StoreError, marked, merged, replace, save
-from runtime.parameters.update import plan
-from runtime.settings.tree import Settings, load_settings, to_toml
+from wallride.runtime.parameters import file as settings_file
+from wallride.runtime.parameters.file import MARK, StoreError, marked, merged, replace, save
+from wallride.runtime.parameters.update import plan
+from wallride.runtime.settings.tree import Settings, load_settings, to_toml
 
 ROOT = Path(__file__).resolve().parents[3]
 KP = "wall_follow.kp"

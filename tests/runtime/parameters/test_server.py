@@ -9,14 +9,14 @@ import time
 
 import pytest
 
-from runtime.parameters.catalogue import Parameter, catalogue
-from runtime.parameters.history import ChangeHistory
-from runtime.parameters.policy import Effect, only_on_the_car
-from runtime.parameters.requests import MAX_QUESTION
-from runtime.parameters.server import MAX_REFUSAL, ParameterServer, ServerContext
-from runtime.parameters.update import UnacceptableError
-from runtime.settings.tree import Settings, load_settings
 from tests.promises import promise
+from wallride.runtime.parameters.catalogue import Parameter, catalogue
+from wallride.runtime.parameters.history import ChangeHistory
+from wallride.runtime.parameters.policy import Effect, only_on_the_car
+from wallride.runtime.parameters.requests import MAX_QUESTION
+from wallride.runtime.parameters.server import MAX_REFUSAL, ParameterServer, ServerContext
+from wallride.runtime.parameters.update import UnacceptableError
+from wallride.runtime.settings.tree import Settings, load_settings
 
 KP = "wall_follow.kp"
 

@@ -5,7 +5,7 @@ import tomllib
 
 import pytest
 
-from runtime.parameters.toml_text import comments, remove, set_value
+from wallride.runtime.parameters.toml_text import comments, remove, set_value
 
 SECTIONS = {
     "safety": ["hold_s", "grip_mu", "creep_mps"], "safety.recovery": ["tries", "back_m"], "safety.window": ["memory_m"],

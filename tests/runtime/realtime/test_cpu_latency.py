@@ -2,7 +2,7 @@
 
 import struct
 
-from runtime.realtime.cpu_latency import awake
+from wallride.runtime.realtime.cpu_latency import awake
 
 
 def test_the_file_is_held_open_with_no_latency_in_it(tmp_path):

@@ -5,7 +5,7 @@ import weakref
 
 import pytest
 
-from runtime.realtime import garbage
+from wallride.runtime.realtime import garbage
 
 
 class Node:

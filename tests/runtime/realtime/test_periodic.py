@@ -4,9 +4,9 @@ import asyncio
 
 import pytest
 
-from drivers.api import as_wanted
-from runtime.realtime.periodic import PeriodicTimer
-from sim.virtual.virtual_time import run_virtual
+from wallride.drivers.api import as_wanted
+from wallride.runtime.realtime.periodic import PeriodicTimer
+from wallride.sim.virtual.virtual_time import run_virtual
 
 
 def collect(count, stalls_s=lambda _: 0.0, clear_s=as_wanted):

@@ -7,12 +7,12 @@ from types import FunctionType
 import numpy as np
 import pytest
 
-from drivers.accelerated import UnfitError, extension
-from runtime.control.safety.swept import SweptGuard
-from runtime.live_stack import LiveStack, warm_up
-from runtime.realtime.prefetch import LINE_BYTES, learn
-from runtime.recording.decision_log import DecisionLog
-from runtime.settings.tree import Settings
+from wallride.drivers.accelerated import UnfitError, extension
+from wallride.runtime.control.safety.swept import SweptGuard
+from wallride.runtime.live_stack import LiveStack, warm_up
+from wallride.runtime.realtime.prefetch import LINE_BYTES, learn
+from wallride.runtime.recording.decision_log import DecisionLog
+from wallride.runtime.settings.tree import Settings
 
 
 class Part:

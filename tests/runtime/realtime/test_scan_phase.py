@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.realtime.scan_phase import AFTER_S, MAX_BEFORE_S, SPARE_S, ScanPhase
+from wallride.runtime.realtime.scan_phase import AFTER_S, MAX_BEFORE_S, SPARE_S, ScanPhase
 
 PERIOD_S = 0.025
 LAST_S = 1.0

@@ -9,8 +9,8 @@ import socket
 
 import pytest
 
-from runtime.launch import PunctualLoop
-from runtime.realtime.selector import CheckedSelector
+from wallride.runtime.launch import PunctualLoop
+from wallride.runtime.realtime.selector import CheckedSelector
 
 READ = selectors.EVENT_READ
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.realtime.stage_timing import MAX_UNCOUNTED, SUMMED_EVERY_S, Histogram, StageTimer
+from wallride.runtime.realtime.stage_timing import MAX_UNCOUNTED, SUMMED_EVERY_S, Histogram, StageTimer
 
 
 class HandClock:

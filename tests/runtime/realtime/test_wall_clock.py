@@ -1,6 +1,6 @@
 import pytest
 
-from runtime.realtime.wall_clock import NS, WallClock
+from wallride.runtime.realtime.wall_clock import NS, WallClock
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import os
 import threading
 import time
 
-from runtime.recording.disk import RealDisk
+from wallride.runtime.recording.disk import RealDisk
 
 
 class QuickDisk(RealDisk):

@@ -6,21 +6,21 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.api import Scan
-from runtime.arbitration.command import LAB_ORDER, Source, consent, refusal
-from runtime.control.limiter import Limiter, Limits
-from runtime.control.vehicle import CarSettings
-from runtime.live_stack import REQUIRED, LiveStack
-from runtime.realtime.wall_clock import WallClock
-from runtime.recording.recorder import Recorder
-from runtime.settings.recording import RecordingSettings
-from runtime.settings.tree import Settings
-from runtime.tasks.mux import Mux
-from runtime.tasks.telemetry import Telemetry
-from runtime.telemetry.status import ObservedState
-from sim.virtual.devices import BEAMS, STEP_RAD, MemoryLidar, MemoryMotor, ranges_between_walls
 from tests.runtime.observed import HandClock
 from tests.runtime.recording.disks import QuickDisk
+from wallride.drivers.api import Scan
+from wallride.runtime.arbitration.command import LAB_ORDER, Source, consent, refusal
+from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.live_stack import REQUIRED, LiveStack
+from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.recording.recorder import Recorder
+from wallride.runtime.settings.recording import RecordingSettings
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.tasks.mux import Mux
+from wallride.runtime.tasks.telemetry import Telemetry
+from wallride.runtime.telemetry.status import ObservedState
+from wallride.sim.virtual.devices import BEAMS, STEP_RAD, MemoryLidar, MemoryMotor, ranges_between_walls
 
 EPOCH_NS = 1_790_000_000_000_000_000
 PERIOD_S = 0.025

@@ -5,8 +5,8 @@ import sys
 import time
 from pathlib import Path
 
-from runtime.recording.disk import RealDisk
 from tests.runtime.recording.drives import PERIOD_S, Drive
+from wallride.runtime.recording.disk import RealDisk
 
 
 async def main():

@@ -9,9 +9,9 @@ from mcap import records
 from mcap.stream_reader import StreamReader
 from rosbags.typesys import Stores, get_typestore
 
-from runtime.recording.channels import TAPE, text_of
-from runtime.recording.decision_codec import decode
-from runtime.wire import topics
+from wallride.runtime.recording.channels import TAPE, text_of
+from wallride.runtime.recording.decision_codec import decode
+from wallride.runtime.wire import topics
 
 STORE: Any = get_typestore(Stores.ROS2_HUMBLE)
 

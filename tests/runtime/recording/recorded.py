@@ -1,6 +1,6 @@
 """The files of a recorded drive, for the tests of the recorder."""
 
-from runtime.recording.ring import parse
+from wallride.runtime.recording.ring import parse
 
 
 def files(folder, pattern="*.mcap"):

@@ -11,11 +11,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.api import Drive, MotorState, Scan
-from runtime.arbitration.command import Decision, DriveCommand, Output, Source, SpeedLimit, Verdict, consent, refusal
-from runtime.control.guidance import Guidance
-from runtime.recording.decision_codec import TapeError, decode, encode
-from runtime.recording.decision_log import (
+from tests.runtime.observed import HandClock
+from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.runtime.arbitration.command import (
+    Decision,
+    DriveCommand,
+    Output,
+    Source,
+    SpeedLimit,
+    Verdict,
+    consent,
+    refusal,
+)
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.recording.decision_codec import TapeError, decode, encode
+from wallride.runtime.recording.decision_log import (
     CommandEvent,
     DecisionEvent,
     DecisionLog,
@@ -25,8 +35,7 @@ from runtime.recording.decision_log import (
     SettingsEvent,
     WithdrawalEvent,
 )
-from runtime.settings.tree import Settings
-from tests.runtime.observed import HandClock
+from wallride.runtime.settings.tree import Settings
 
 ANY_FLOAT = st.floats(allow_nan=True, allow_infinity=True)
 RANGES_M = np.array([1.0, np.nan, 3.0], np.float32)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from runtime.recording.file_summary import FOOTER, FOOTER_OPCODE, duration_s
-from runtime.recording.recover import MAGIC
+from wallride.runtime.recording.file_summary import FOOTER, FOOTER_OPCODE, duration_s
+from wallride.runtime.recording.recover import MAGIC
 
 BEGIN_NS = 1_790_000_000_000_000_000
 

@@ -4,8 +4,8 @@ import shutil
 
 import pytest
 
-from runtime.recording import laws_fingerprint as module
-from runtime.recording.laws_fingerprint import PACKAGE, law_files, laws_fingerprint
+from wallride.runtime.recording import laws_fingerprint as module
+from wallride.runtime.recording.laws_fingerprint import PACKAGE, law_files, laws_fingerprint
 
 
 @pytest.fixture

@@ -6,15 +6,15 @@ from io import BytesIO
 
 from mcap.writer import CompressionType, Writer
 
-from runtime.realtime.wall_clock import WallClock
-from runtime.recording import black_box, channels
-from runtime.recording.channels import RecordMessage, schema_text
-from runtime.recording.mcap_file import CHUNK_B, METADATA, PROFILE, McapFile
-from runtime.recording.ring import Ring
-from runtime.recording.writer import FILL_B, FileMetadata, RecordingWriter
-from runtime.settings.recording import RecordingSettings
 from tests.runtime.observed import HandClock
 from tests.runtime.recording.disks import QuickDisk
+from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.recording import black_box, channels
+from wallride.runtime.recording.channels import RecordMessage, schema_text
+from wallride.runtime.recording.mcap_file import CHUNK_B, METADATA, PROFILE, McapFile
+from wallride.runtime.recording.ring import Ring
+from wallride.runtime.recording.writer import FILL_B, FileMetadata, RecordingWriter
+from wallride.runtime.settings.recording import RecordingSettings
 
 TOPICS = [f"topic{number}" for number in range(14)]
 FACTS = {"car": "test"}
@@ -82,7 +82,7 @@ def test_the_memory_of_black_boxes_uses_its_blocks_again(monkeypatch):
         made.append(plain(*arguments))
         return made[-1]
 
-    monkeypatch.setattr("runtime.recording.black_box.mmap.mmap", counted)
+    monkeypatch.setattr("wallride.runtime.recording.black_box.mmap.mmap", counted)
     memory = black_box.Memory(longest_s=2.0)
     payloads = [bytes([number % 256]) * (3000 + number) for number in range(500)]
     tracemalloc.start()

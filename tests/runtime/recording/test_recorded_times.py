@@ -12,17 +12,17 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from clients.log_info import describe
-from runtime.arbitration.command import Source, refusal
-from runtime.realtime.wall_clock import WallClock, never_set
-from runtime.recording.channels import text_of
-from runtime.recording.recover import recover
-from runtime.wire import topics
-from sim.replay.drive_log import read_log
-from sim.replay.run import run_of
 from tests.runtime.observed import HandClock
 from tests.runtime.recording.drives import EPOCH_NS, Drive
 from tests.runtime.recording.reading import streamed
+from wallride.clients.log_info import describe
+from wallride.runtime.arbitration.command import Source, refusal
+from wallride.runtime.realtime.wall_clock import WallClock, never_set
+from wallride.runtime.recording.channels import text_of
+from wallride.runtime.recording.recover import recover
+from wallride.runtime.wire import topics
+from wallride.sim.replay.drive_log import read_log
+from wallride.sim.replay.run import run_of
 
 NS = 1_000_000_000
 DRIVEN_S = 4.0

@@ -7,16 +7,16 @@ from collections import Counter
 
 import pytest
 
-from runtime.arbitration.command import Source, refusal
-from runtime.recording.channels import text_of
-from runtime.recording.recover import is_whole
-from runtime.ros.definitions import TYPES
-from runtime.settings.tree import Settings, load_settings
-from runtime.wire import topics
-from sim.virtual.devices import ranges_between_walls
 from tests.runtime.recording.drives import EPOCH_NS, Drive
 from tests.runtime.recording.reading import decoded_by_ros2_support, events, metadata, streamed
 from tests.runtime.recording.recorded import files, recordings
+from wallride.runtime.arbitration.command import Source, refusal
+from wallride.runtime.recording.channels import text_of
+from wallride.runtime.recording.recover import is_whole
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.settings.tree import Settings, load_settings
+from wallride.runtime.wire import topics
+from wallride.sim.virtual.devices import ranges_between_walls
 
 WALL_AHEAD_M = ranges_between_walls(0.9, 1.1, 0.28)
 

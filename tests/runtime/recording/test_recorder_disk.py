@@ -9,20 +9,20 @@ from pathlib import Path
 
 import pytest
 
-from runtime.arbitration.command import Source, refusal
-from runtime.recording.recover import is_whole
-from runtime.recording.ring import entries
-from runtime.recording.writer import HOLD_S
 from tests.promises import promise
 from tests.runtime.recording.disks import BadDisk, SlowDisk, StuckDisk
 from tests.runtime.recording.drives import Drive
 from tests.runtime.recording.reading import events, metadata, streamed
 from tests.runtime.recording.recorded import files, number_of, recordings
+from wallride.runtime.arbitration.command import Source, refusal
+from wallride.runtime.recording.recover import is_whole
+from wallride.runtime.recording.ring import entries
+from wallride.runtime.recording.writer import HOLD_S
 
 
 async def test_a_long_recording_goes_on_in_another_file_and_the_ring_lets_its_beginning_go(tmp_path, monkeypatch):
-    monkeypatch.setattr("runtime.recording.ring.MB", 100_000)
-    monkeypatch.setattr("runtime.recording.writer.MB", 100_000)
+    monkeypatch.setattr("wallride.runtime.recording.ring.MB", 100_000)
+    monkeypatch.setattr("wallride.runtime.recording.writer.MB", 100_000)
     drive = Drive(tmp_path, ring_mb=32, file_mb=8, start="always")
     drive.permit()
     await drive.go(24)
@@ -138,7 +138,7 @@ def until(true, timeout_s=10.0):
 
 
 async def test_a_stuck_disk_holds_nobody_up_and_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr("runtime.recording.recorder.MAX_WAITING_BYTES", 300_000)
+    monkeypatch.setattr("wallride.runtime.recording.recorder.MAX_WAITING_BYTES", 300_000)
     disk = StuckDisk()
     drive = Drive(tmp_path, disk=disk, start="always")
     drive.permit()
@@ -198,7 +198,7 @@ async def test_a_bug_in_the_thread_is_said_and_the_next_turn_tries_again(tmp_pat
     drive = Drive(tmp_path, start="always")
     words = lambda: drive.recorder.status()["words"]  # noqa: E731 - as short as a name
     with monkeypatch.context() as broken:
-        broken.setattr("runtime.recording.writer.RecordingWriter.turn", lambda *_: 1 / 0)
+        broken.setattr("wallride.runtime.recording.writer.RecordingWriter.turn", lambda *_: 1 / 0)
         drive.recorder.start()
         until(lambda: "trying again" in words())
         assert words().startswith("NOT recording: the recorder failed: ZeroDivisionError: division by zero; trying")

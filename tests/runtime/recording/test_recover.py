@@ -13,9 +13,9 @@ import pytest
 from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 
-from runtime.recording.recover import RecoveryError, file_state, is_whole, recover
 from tests.runtime.recording.drives import PERIOD_S, Drive
 from tests.runtime.recording.reading import decoded_by_ros2_support, streamed
+from wallride.runtime.recording.recover import RecoveryError, file_state, is_whole, recover
 
 CUTS = 20
 
@@ -137,7 +137,7 @@ def test_a_damaged_chunk_in_the_middle_costs_only_itself(recording, tmp_path):
 
 
 def test_damage_far_from_the_end_is_not_cut_off(recording, tmp_path, monkeypatch):
-    monkeypatch.setattr("runtime.recording.recover.MAX_TORN_B", 100_000)
+    monkeypatch.setattr("wallride.runtime.recording.recover.MAX_TORN_B", 100_000)
     content = bytearray(recording[0])
     first_chunk = content.index(b"\x06", content.index(b"epoch_ns") + 28)
     content[first_chunk : first_chunk + 9] = bytes(9)

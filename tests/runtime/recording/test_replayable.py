@@ -4,15 +4,15 @@ import math
 from itertools import pairwise
 from typing import Any
 
-from runtime.arbitration.command import DriveCommand, QueueEntry, Source, SpeedLimit, arbitrate
-from runtime.control.limiter import Limiter
-from runtime.control.live_laws import LiveLaws
-from runtime.live_stack import REQUIRED
-from runtime.recording.decision_log import DecisionEvent, FollowerEvent, SafetyEvent, ScanEvent, SettingsEvent
-from runtime.settings.tree import Settings
-from sim.virtual.devices import ranges_between_walls
 from tests.runtime.recording.drives import LIMITS, Drive
 from tests.runtime.recording.reading import events, ranges_by_sequence
+from wallride.runtime.arbitration.command import DriveCommand, QueueEntry, Source, SpeedLimit, arbitrate
+from wallride.runtime.control.limiter import Limiter
+from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.live_stack import REQUIRED
+from wallride.runtime.recording.decision_log import DecisionEvent, FollowerEvent, SafetyEvent, ScanEvent, SettingsEvent
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.virtual.devices import ranges_between_walls
 
 
 class RecordedClock:

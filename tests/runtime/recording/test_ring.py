@@ -6,9 +6,19 @@ from typing import Any
 
 import pytest
 
-from runtime.recording.disk import RealDisk
-from runtime.recording.ring import MB, Entry, Ring, entries, file_named, folders, in_order_of_leaving, keep, parse
-from runtime.settings.recording import RecordingSettings
+from wallride.runtime.recording.disk import RealDisk
+from wallride.runtime.recording.ring import (
+    MB,
+    Entry,
+    Ring,
+    entries,
+    file_named,
+    folders,
+    in_order_of_leaving,
+    keep,
+    parse,
+)
+from wallride.runtime.settings.recording import RecordingSettings
 
 
 def test_a_kept_recording_is_kept_already(tmp_path):
@@ -91,7 +101,7 @@ def test_a_folder_that_may_not_be_read_hides_no_other(tmp_path, monkeypatch):
             raise PermissionError(13, "Permission denied")
         return entries(folder)
 
-    monkeypatch.setattr("runtime.recording.ring.entries", entries_but_of_b)
+    monkeypatch.setattr("wallride.runtime.recording.ring.entries", entries_but_of_b)
     assert [folder.name for folder in folders(tmp_path)] == ["a", "b", "c"]
 
 

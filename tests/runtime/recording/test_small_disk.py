@@ -7,9 +7,9 @@ from contextlib import contextmanager
 
 import pytest
 
-from runtime.recording.recover import is_whole
 from tests.runtime.recording.drives import Drive
 from tests.runtime.recording.reading import streamed
+from wallride.runtime.recording.recover import is_whole
 
 SIZE_MB = 6
 
@@ -58,7 +58,7 @@ async def test_a_disk_that_others_fill_is_said_and_recording_goes_on_when_they_c
 
 
 async def test_on_a_small_disk_the_oldest_makes_room(tmp_path, monkeypatch):
-    monkeypatch.setattr("runtime.recording.writer.MB", 100_000)
+    monkeypatch.setattr("wallride.runtime.recording.writer.MB", 100_000)
     with mounted(tmp_path / "disk") as disk:
         drive = Drive(disk, start="always", file_mb=8, keep_free_mb=2, black_box_s=2)
         drive.permit()

@@ -7,10 +7,10 @@ from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from drivers.api import MotorState, Scan
-from runtime.ros import markers, messages
-from runtime.ros.definitions import SCHEMA_ENCODING, definition
-from runtime.wire import topics
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.ros import markers, messages
+from wallride.runtime.ros.definitions import SCHEMA_ENCODING, definition
+from wallride.runtime.wire import topics
 
 STAMP_NS = 1_790_000_000_123_456_789
 RANGES_M = np.where(np.arange(1081) % 7 == 0, np.nan, np.linspace(1, 9, 1081)).astype(np.float32)

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from pycdr2 import types
 from rosbags.typesys import Stores
 
-from runtime.ros import messages
-from runtime.ros.cdr import CdrWriter
-from runtime.ros.definitions import TYPES, definition, encoding
-from runtime.wire import topics
 from tests.runtime.ros.samples import MOTOR, RANGES_M, SAMPLES, STAMP_NS, read_as_foxglove_does, ros_store
+from wallride.runtime.ros import messages
+from wallride.runtime.ros.cdr import CdrWriter
+from wallride.runtime.ros.definitions import TYPES, definition, encoding
+from wallride.runtime.wire import topics
 
 STORE = ros_store()
 WITHOUT_HEADER = {"std_msgs/msg/Float32"}

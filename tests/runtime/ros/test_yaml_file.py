@@ -6,8 +6,8 @@ from contextlib import suppress
 
 import pytest
 
-from runtime.ros import yaml_file
-from runtime.ros.yaml_file import YamlFileError, mappings, number, read_yaml
+from wallride.runtime.ros import yaml_file
+from wallride.runtime.ros.yaml_file import YamlFileError, mappings, number, read_yaml
 
 
 @pytest.fixture

@@ -6,10 +6,10 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from clients.keys.folder import KeyFolder
-from runtime.security.access_list import KeysError, read_people
-from runtime.security.key_files import car_keys, car_session, client_keys
-from runtime.wire.zenoh_config import Person, Role
+from wallride.clients.keys.folder import KeyFolder
+from wallride.runtime.security.access_list import KeysError, read_people
+from wallride.runtime.security.key_files import car_keys, car_session, client_keys
+from wallride.runtime.wire.zenoh_config import Person, Role
 
 NOW = datetime(2026, 5, 1, 12, tzinfo=UTC)
 
@@ -162,7 +162,7 @@ def test_keys_are_looked_at_only_where_an_address_needs_them(car, tmp_path):
 
 
 def test_a_missing_package_is_named(car, monkeypatch):
-    monkeypatch.delitem(sys.modules, "runtime.security.certificates", raising=False)
+    monkeypatch.delitem(sys.modules, "wallride.runtime.security.certificates", raising=False)
     monkeypatch.setitem(sys.modules, "cryptography", None)
     with pytest.raises(KeysError, match=r"pip install 'wallride\[keys\]'"):
         car_keys(car, NOW)

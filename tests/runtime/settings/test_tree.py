@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from runtime.arbitration.command import LAB_ORDER, Source
-from runtime.control.report.settings import ReportFollowSettings
-from runtime.control.vehicle import NAME_RULE
-from runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
 from tests.own_laws import EASY, STRAIGHT, law_file
+from wallride.runtime.arbitration.command import LAB_ORDER, Source
+from wallride.runtime.control.report.settings import ReportFollowSettings
+from wallride.runtime.control.vehicle import NAME_RULE
+from wallride.runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
 
 __all__ = ["law_file"]
 

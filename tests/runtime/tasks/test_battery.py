@@ -2,14 +2,14 @@
 
 from dataclasses import replace
 
-from drivers.api import Clock, Drive, MotorState
-from runtime.arbitration.command import DriveCommand, Source, arbitrate
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.control.battery import BatterySettings
-from runtime.settings.tree import Settings
-from runtime.tasks.battery import BatteryLimit
-from sim.virtual.devices import MemoryMotor
 from tests.runtime.observed import HandClock
+from wallride.drivers.api import Clock, Drive, MotorState
+from wallride.runtime.arbitration.command import DriveCommand, Source, arbitrate
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.control.battery import BatterySettings
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.tasks.battery import BatteryLimit
+from wallride.sim.virtual.devices import MemoryMotor
 
 FINE = MotorState(0.0, 0.0, 0.0, 0.0, 12.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
 ORDER = Settings().effective_order()

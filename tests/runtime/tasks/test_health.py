@@ -5,12 +5,12 @@ from itertools import pairwise
 
 import pytest
 
-from drivers.api import Health, LinkState, MotorState
-from runtime.arbitration.command import LAB_ORDER
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.arbitration.emergency_stop import Cause, EmergencyStop
-from runtime.host.systemd import ServiceManager
-from runtime.tasks.health import FAULT_FORGOTTEN_S, FAULT_RETRY_S, MAX_FAULT_RETRY_S, HealthMonitor
+from wallride.drivers.api import Health, LinkState, MotorState
+from wallride.runtime.arbitration.command import LAB_ORDER
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.arbitration.emergency_stop import Cause, EmergencyStop
+from wallride.runtime.host.systemd import ServiceManager
+from wallride.runtime.tasks.health import FAULT_FORGOTTEN_S, FAULT_RETRY_S, MAX_FAULT_RETRY_S, HealthMonitor
 
 FINE = MotorState(0.0, 0.0, 0.0, 0.0, 12.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
 

@@ -6,15 +6,15 @@ import math
 
 import pytest
 
-from drivers.api import Drive
-from runtime.arbitration.command import LAB_ORDER, DriveCommand, Source
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.control.limiter import Limiter, Limits
-from runtime.realtime.periodic import PeriodicTimer
-from runtime.recording.decision_log import DecisionLog
-from runtime.tasks.mux import Mux, SilenceTick
-from sim.virtual.devices import MemoryMotor
-from sim.virtual.virtual_time import run_virtual
+from wallride.drivers.api import Drive
+from wallride.runtime.arbitration.command import LAB_ORDER, DriveCommand, Source
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.runtime.realtime.periodic import PeriodicTimer
+from wallride.runtime.recording.decision_log import DecisionLog
+from wallride.runtime.tasks.mux import Mux, SilenceTick
+from wallride.sim.virtual.devices import MemoryMotor
+from wallride.sim.virtual.virtual_time import run_virtual
 
 TICK_HZ = 50.0
 

@@ -6,18 +6,18 @@ from itertools import pairwise
 
 import pytest
 
-from drivers.api import Drive
-from runtime.arbitration.command import LAB_ORDER, Source
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.arbitration.emergency_stop import EmergencyStop
-from runtime.arbitration.permit import Permit
-from runtime.realtime.periodic import PeriodicTimer
-from runtime.settings.operator import OperatorSettings
-from runtime.tasks.operator import DeskTicker
-from runtime.teleop.desk import OperatorDesk
-from runtime.wire.teleop import CarCondition, Command, Input, Press, read_beat
-from sim.virtual.devices import MemoryMotor
-from sim.virtual.virtual_time import run_virtual
+from wallride.drivers.api import Drive
+from wallride.runtime.arbitration.command import LAB_ORDER, Source
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.arbitration.emergency_stop import EmergencyStop
+from wallride.runtime.arbitration.permit import Permit
+from wallride.runtime.realtime.periodic import PeriodicTimer
+from wallride.runtime.settings.operator import OperatorSettings
+from wallride.runtime.tasks.operator import DeskTicker
+from wallride.runtime.teleop.desk import OperatorDesk
+from wallride.runtime.wire.teleop import CarCondition, Command, Input, Press, read_beat
+from wallride.sim.virtual.devices import MemoryMotor
+from wallride.sim.virtual.virtual_time import run_virtual
 
 
 class Bench:

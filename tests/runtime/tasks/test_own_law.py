@@ -8,11 +8,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.arbitration.permit import Permit
-from runtime.settings.tree import Settings
-from runtime.tasks.own_law import MAX_RETRY_S, OwnLawWatch
 from tests.runtime.observed import HandClock
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.arbitration.permit import Permit
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.tasks.own_law import MAX_RETRY_S, OwnLawWatch
 
 
 class Laws:

@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.api import Scan
-from runtime.control.live_laws import LiveLaws
-from runtime.control.perception.own_parts import KnownParts
-from runtime.control.safety.swept import SweptGuard
-from runtime.control.vehicle import CarSettings
-from runtime.recording import own_parts_memory
-from runtime.recording.own_parts_memory import FILE, RememberedParts, file_in, read, write
-from runtime.settings.tree import Settings
-from runtime.tasks import own_parts
-from runtime.tasks.own_parts import UNCHANGED_S, OwnPartsKeeper
-from runtime.wire.network import RefusedError
+from wallride.drivers.api import Scan
+from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.perception.own_parts import KnownParts
+from wallride.runtime.control.safety.swept import SweptGuard
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.recording import own_parts_memory
+from wallride.runtime.recording.own_parts_memory import FILE, RememberedParts, file_in, read, write
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.tasks import own_parts
+from wallride.runtime.tasks.own_parts import UNCHANGED_S, OwnPartsKeeper
+from wallride.runtime.wire.network import RefusedError
 
 STEP_RAD = math.radians(0.25)
 KNOWN = KnownParts(-STEP_RAD * 540, STEP_RAD, 1081, tuple((beam, 0.3) for beam in range(20, 60)))

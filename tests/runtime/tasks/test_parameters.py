@@ -6,11 +6,11 @@ import logging
 
 import pytest
 
-from runtime.parameters.history import ChangeHistory, SettingChange
-from runtime.parameters.server import ParameterServer, ServerContext
-from runtime.settings.tree import Settings
-from runtime.tasks import parameters
-from runtime.wire.network import RefusedError
+from wallride.runtime.parameters.history import ChangeHistory, SettingChange
+from wallride.runtime.parameters.server import ParameterServer, ServerContext
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.tasks import parameters
+from wallride.runtime.wire.network import RefusedError
 
 KP = "wall_follow.kp"
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from drivers.api import Scan
-from runtime.realtime.stage_timing import TimedStage
-from runtime.tasks.scan_cycle import ScanCycle
 from tests.runtime.observed import GUIDANCE
+from wallride.drivers.api import Scan
+from wallride.runtime.realtime.stage_timing import TimedStage
+from wallride.runtime.tasks.scan_cycle import ScanCycle
 
 
 def test_the_motor_has_its_command_before_telemetry_and_learning():

@@ -4,17 +4,17 @@ import asyncio
 
 import pytest
 
-from runtime.app import Car
-from runtime.arbitration.emergency_stop import Cause
-from runtime.settings.tree import load_settings
-from runtime.tasks.standstill import STANDS_BELOW_MPS, Standstill
-from runtime.wire.network import RefusedError
-from sim.car.vehicle import VehicleSettings
-from sim.virtual.devices import MemoryBus, MemoryMotor
-from sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor
-from sim.virtual.virtual_time import run_virtual
-from sim.world.worlds import load_world
 from tests.runtime.observed import HandClock
+from wallride.runtime.app import Car
+from wallride.runtime.arbitration.emergency_stop import Cause
+from wallride.runtime.settings.tree import load_settings
+from wallride.runtime.tasks.standstill import STANDS_BELOW_MPS, Standstill
+from wallride.runtime.wire.network import RefusedError
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.virtual.devices import MemoryBus, MemoryMotor
+from wallride.sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor
+from wallride.sim.virtual.virtual_time import run_virtual
+from wallride.sim.world.worlds import load_world
 
 SETTINGS = ("wall_follow.speed_mps=2.35", "operator.permit=always", "battery.settle_s=0", "recording.enabled=false")
 

@@ -9,22 +9,22 @@ from itertools import count
 import numpy as np
 import pytest
 
-from drivers.api import Drive
-from runtime.arbitration.command import Source, Verdict
-from runtime.control.live_laws import LiveLaws
-from runtime.control.vehicle import CarSettings
-from runtime.realtime.wall_clock import WallClock
-from runtime.ros.definitions import TYPES
-from runtime.ros.graph import TF_ODOM
-from runtime.settings.telemetry import RatesHz
-from runtime.settings.tree import load_settings
-from runtime.tasks.telemetry import BURST_PERIOD_S, Telemetry
-from runtime.telemetry.sinks import ZenohSink
-from runtime.telemetry.topic_writers import TopicWriters
-from runtime.wire import topics
 from tests.own_laws import EASY, law_file
 from tests.runtime.observed import GUIDANCE, HandClock, make_observed, output_of, scan_at, speak
 from tests.runtime.ros.samples import ros_store
+from wallride.drivers.api import Drive
+from wallride.runtime.arbitration.command import Source, Verdict
+from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.ros.graph import TF_ODOM
+from wallride.runtime.settings.telemetry import RatesHz
+from wallride.runtime.settings.tree import load_settings
+from wallride.runtime.tasks.telemetry import BURST_PERIOD_S, Telemetry
+from wallride.runtime.telemetry.sinks import ZenohSink
+from wallride.runtime.telemetry.topic_writers import TopicWriters
+from wallride.runtime.wire import topics
 
 __all__ = ["law_file"]
 EPOCH_NS = 1_790_000_000_000_000_123

@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import Drive
-from runtime.arbitration.command import Source
-from runtime.control.guidance import Guidance
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.vehicle import CarSettings
-from runtime.telemetry import marker_writers
-from sim.virtual.devices import ranges_between_walls
 from tests.runtime.observed import HandClock, make_observed, output_of, scan_at
+from wallride.drivers.api import Drive
+from wallride.runtime.arbitration.command import Source
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.telemetry import marker_writers
+from wallride.sim.virtual.devices import ranges_between_walls
 
 CAR = CarSettings()
 OBSERVED = make_observed(HandClock())

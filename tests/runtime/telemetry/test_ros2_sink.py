@@ -2,14 +2,14 @@
 
 import pytest
 
-from runtime.realtime.wall_clock import WallClock
-from runtime.ros.definitions import TYPES
-from runtime.ros.graph import PUBLISHED, TF_ODOM, TF_STATIC
-from runtime.ros.messages import Frame
-from runtime.settings.telemetry import RatesHz
-from runtime.telemetry.ros2_sink import Ros2Sink
-from runtime.wire import topics
-from runtime.wire.rmw_zenoh import Distro, RosGraph, gid, read_attachment
+from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.ros.graph import PUBLISHED, TF_ODOM, TF_STATIC
+from wallride.runtime.ros.messages import Frame
+from wallride.runtime.settings.telemetry import RatesHz
+from wallride.runtime.telemetry.ros2_sink import Ros2Sink
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.rmw_zenoh import Distro, RosGraph, gid, read_attachment
 
 GRAPH = RosGraph(3, Distro.JAZZY, "wallride_car1")
 LASER = Frame("base_link", "laser", 0.27, 0.0, 0.0)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from runtime.telemetry.screen_words import because, steering_words
+from wallride.runtime.telemetry.screen_words import because, steering_words
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,9 @@
 
 import pytest
 
-from runtime.ros.definitions import TYPES
-from runtime.settings.telemetry import RatesHz
-from runtime.telemetry.sinks import ZenohSink
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.settings.telemetry import RatesHz
+from wallride.runtime.telemetry.sinks import ZenohSink
 
 
 class Ear:

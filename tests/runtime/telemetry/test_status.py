@@ -5,16 +5,25 @@ import math
 
 import pytest
 
-from drivers.api import Drive, MotorState
-from runtime.arbitration.command import LAB_ORDER, Decision, DriveCommand, Output, Source, SpeedLimit, Verdict, refusal
-from runtime.control.live_laws import LiveLaws
-from runtime.control.vehicle import CarSettings
-from runtime.settings.tree import Settings
-from runtime.telemetry.status import Journey, Latency, decision, said, status
-from runtime.wire import topics
-from sim.virtual.devices import ranges_between_walls
 from tests.runtime.observed import HandClock, lose, make_observed, output_of, scan_at, speak
 from tests.runtime.reachable import reachable
+from wallride.drivers.api import Drive, MotorState
+from wallride.runtime.arbitration.command import (
+    LAB_ORDER,
+    Decision,
+    DriveCommand,
+    Output,
+    Source,
+    SpeedLimit,
+    Verdict,
+    refusal,
+)
+from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.telemetry.status import Journey, Latency, decision, said, status
+from wallride.runtime.wire import topics
+from wallride.sim.virtual.devices import ranges_between_walls
 
 INF = math.inf
 WALL_AHEAD = Verdict(0.0, INF, "wall ahead", 0.3)

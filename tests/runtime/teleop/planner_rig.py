@@ -4,18 +4,18 @@ import math
 
 import pytest
 
-from drivers.api import Drive
-from runtime.arbitration.command import DriveCommand, Source, arbitrate, consent
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.arbitration.emergency_stop import EmergencyStop
-from runtime.arbitration.permit import Permit
-from runtime.settings.operator import OperatorSettings
-from runtime.settings.tree import load_settings
-from runtime.teleop.desk import OperatorDesk
-from runtime.teleop.planners import PlannerDesk
-from runtime.wire import topics
-from runtime.wire.teleop import Command, Input, Press, read_beat
 from tests.runtime.operator_rig import REQUIRED, Client
+from wallride.drivers.api import Drive
+from wallride.runtime.arbitration.command import DriveCommand, Source, arbitrate, consent
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.arbitration.emergency_stop import EmergencyStop
+from wallride.runtime.arbitration.permit import Permit
+from wallride.runtime.settings.operator import OperatorSettings
+from wallride.runtime.settings.tree import load_settings
+from wallride.runtime.teleop.desk import OperatorDesk
+from wallride.runtime.teleop.planners import PlannerDesk
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.teleop import Command, Input, Press, read_beat
 
 CAR_SESSION = 0xCAFE
 STEP_S = 0.02

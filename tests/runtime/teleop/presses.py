@@ -1,6 +1,6 @@
 """Presses of the operator that the desk's tests send."""
 
-from runtime.wire.teleop import Press
+from wallride.runtime.wire.teleop import Press
 
 BOTH = ["required", "always"]
 MANUAL, AUTONOMY, ESTOP, RESET = Press.MANUAL, Press.AUTONOMY, Press.ESTOP, Press.RESET

@@ -4,12 +4,12 @@ import math
 
 import pytest
 
-from runtime.arbitration.command import Source
-from runtime.arbitration.permit import NOT_GRANTED
-from runtime.teleop.sessions import MAX_SESSIONS
-from runtime.wire.teleop import CarCondition
 from tests.runtime.operator_rig import AUTO_MPS, BEAT_S, HAND_MPS, Rig
 from tests.runtime.teleop.presses import AUTONOMY, MANUAL, NOTHING
+from wallride.runtime.arbitration.command import Source
+from wallride.runtime.arbitration.permit import NOT_GRANTED
+from wallride.runtime.teleop.sessions import MAX_SESSIONS
+from wallride.runtime.wire.teleop import CarCondition
 
 
 def test_without_any_operator_the_mode_decides():

@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from runtime.arbitration.command import Source
-from runtime.wire.teleop import UNKNOWN_AGE_MS, CarCondition, Input, Press
 from tests.runtime.operator_rig import AUTO_MPS, BEAT_S, HAND_MPS, Rig
 from tests.runtime.teleop.presses import AUTONOMY, GOODBYE, MANUAL, NOTHING, RESET
+from wallride.runtime.arbitration.command import Source
+from wallride.runtime.wire.teleop import UNKNOWN_AGE_MS, CarCondition, Input, Press
 
 
 @pytest.mark.parametrize("held", [MANUAL, AUTONOMY, NOTHING])

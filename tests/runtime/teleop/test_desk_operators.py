@@ -2,11 +2,11 @@
 
 import pytest
 
-from runtime.arbitration.command import Source
-from runtime.arbitration.emergency_stop import Cause
-from runtime.wire.teleop import CarCondition, Press
 from tests.runtime.operator_rig import BEAT_S, HAND_MPS, Rig
 from tests.runtime.teleop.presses import AUTONOMY, ESTOP, GOODBYE, MANUAL, NOTHING, RESET, TAKE_OVER
+from wallride.runtime.arbitration.command import Source
+from wallride.runtime.arbitration.emergency_stop import Cause
+from wallride.runtime.wire.teleop import CarCondition, Press
 
 
 def test_the_second_is_told_who_operates(rig):

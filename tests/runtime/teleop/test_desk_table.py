@@ -4,9 +4,9 @@ import itertools
 
 import pytest
 
-from runtime.arbitration.command import Source
 from tests.runtime.operator_rig import Rig
 from tests.runtime.teleop.presses import AUTONOMY, BOTH, ESTOP, GOODBYE, MANUAL, NOTHING, RESET, TAKE_OVER
+from wallride.runtime.arbitration.command import Source
 
 
 def _nobody(rig, ann, bob):

@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from drivers.api import Drive
-from runtime.arbitration.command import DriveCommand, Source, consent, refusal
-from runtime.settings.tree import Settings, load_settings
-from runtime.wire.teleop import Press
 from tests.runtime.teleop.planner_rig import DRIVES, EXPIRY_S, ORDER, PLANNED, STEP_S, Planner, Rig, driven
+from wallride.drivers.api import Drive
+from wallride.runtime.arbitration.command import DriveCommand, Source, consent, refusal
+from wallride.runtime.settings.tree import Settings, load_settings
+from wallride.runtime.wire.teleop import Press
 
 
 @pytest.fixture

@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from runtime.arbitration.command import Source
-from runtime.ros import messages
-from runtime.settings.tree import load_settings
-from runtime.wire.rmw_zenoh import attachment
 from tests.runtime.teleop.planner_rig import GID, OTHER_GID, STEP_S, Rig, driven
+from wallride.runtime.arbitration.command import Source
+from wallride.runtime.ros import messages
+from wallride.runtime.settings.tree import load_settings
+from wallride.runtime.wire.rmw_zenoh import attachment
 
 
 @pytest.fixture
@@ -206,7 +206,7 @@ def test_ros_nonsense_is_counted_and_drives_nothing(rig, change):
 
 
 def test_ros_drive_without_its_parts_is_a_mistake_in_the_settings():
-    from runtime.settings.tree import SettingsError
+    from wallride.runtime.settings.tree import SettingsError
 
     for missing in (["ros2.enabled=true"], ["planners.enabled=true"], []):
         with pytest.raises(SettingsError, match=r"ros2\.drive needs"):

@@ -9,11 +9,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from runtime.wire import zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.mailbox import MAX_DELIVERIES, Mailbox
-from runtime.wire.network import PortTakenError, RefusedError
-from runtime.wire.ports import free_endpoint
+from wallride.runtime.wire import zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.mailbox import MAX_DELIVERIES, Mailbox
+from wallride.runtime.wire.network import PortTakenError, RefusedError
+from wallride.runtime.wire.ports import free_endpoint
 
 KEY = "wallride/car1/operator/command"
 
@@ -250,7 +250,7 @@ async def test_a_client_without_a_car_is_told_so():
 
 async def test_a_session_that_does_not_close_is_left(monkeypatch, caplog):
     never = threading.Event()
-    monkeypatch.setattr("runtime.wire.bus.CLOSES_WITHIN_S", 0.02)
+    monkeypatch.setattr("wallride.runtime.wire.bus.CLOSES_WITHIN_S", 0.02)
     bus = Bus(zenoh_config.client_config("tcp/127.0.0.1:1", None))
     monkeypatch.setattr(bus, "_session", SimpleNamespace(close=never.wait))
     await bus.close()
@@ -260,6 +260,6 @@ async def test_a_session_that_does_not_close_is_left(monkeypatch, caplog):
 
 
 async def test_a_clock_after_zenohs_last_year_opens_no_session(monkeypatch):
-    monkeypatch.setattr("runtime.wire.bus.time.time", lambda: 4.9e9)  # 2125
+    monkeypatch.setattr("wallride.runtime.wire.bus.time.time", lambda: 4.9e9)  # 2125
     with pytest.raises(OSError, match="clock is after 2106"):
         await Bus(zenoh_config.client_config("tcp/127.0.0.1:1", None)).open()

@@ -10,12 +10,12 @@ import time
 import pytest
 import zenoh
 
-from runtime.wire import ingress, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.car_bus import MAX_ANSWERS_PER_POLL, MAX_WAITING_SAMPLES, CarBus
-from runtime.wire.network import RefusedError
-from runtime.wire.ports import free_endpoint
-from runtime.wire.teleop import COMMAND_BYTES
+from wallride.runtime.wire import ingress, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.car_bus import MAX_ANSWERS_PER_POLL, MAX_WAITING_SAMPLES, CarBus
+from wallride.runtime.wire.network import RefusedError
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.teleop import COMMAND_BYTES
 
 KEY = "wallride/car1/operator/command"
 LIST = "wallride/car1/param/list"

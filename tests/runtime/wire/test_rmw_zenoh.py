@@ -3,9 +3,9 @@
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from runtime.ros.definitions import TYPES, definition
-from runtime.ros.graph import PUBLISHED, TF_STATIC, access
-from runtime.wire.rmw_zenoh import (
+from wallride.runtime.ros.definitions import TYPES, definition
+from wallride.runtime.ros.graph import PUBLISHED, TF_STATIC, access
+from wallride.runtime.wire.rmw_zenoh import (
     ATTACHMENT,
     TYPE_HASHES,
     Distro,

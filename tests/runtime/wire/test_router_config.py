@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from runtime.wire.router_config import ROUTED_SHARE, router_config, uplink_config
-from runtime.wire.zenoh_config import Person, Role, Tls
+from wallride.runtime.wire.router_config import ROUTED_SHARE, router_config, uplink_config
+from wallride.runtime.wire.zenoh_config import Person, Role, Tls
 
 TLS = Tls(Path("ca.pem"), Path("me.pem"), Path("me.key"))
 ROUTER = "tls/localhost:7449"

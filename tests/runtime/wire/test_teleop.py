@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.wire.teleop import (
+from wallride.runtime.wire.teleop import (
     BEAT_BYTES,
     COMMAND_BYTES,
     MAX_SPEED_MPS,

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from runtime.wire import topics
+from wallride.runtime.wire import topics
 
 
 def test_a_number_that_is_not_finite_becomes_null():

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from runtime.ros.graph import access
-from runtime.settings.session import SessionSettings
-from runtime.wire.endpoints import check_listening, is_tls, split_endpoint
-from runtime.wire.rmw_zenoh import Distro, RosGraph
-from runtime.wire.zenoh_config import Person, Role, Tls, access_control, car_config, client_config
+from wallride.runtime.ros.graph import access
+from wallride.runtime.settings.session import SessionSettings
+from wallride.runtime.wire.endpoints import check_listening, is_tls, split_endpoint
+from wallride.runtime.wire.rmw_zenoh import Distro, RosGraph
+from wallride.runtime.wire.zenoh_config import Person, Role, Tls, access_control, car_config, client_config
 
 TLS = Tls(Path("ca.pem"), Path("car.pem"), Path("car.key"))
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from sim.bench.answers import onsets, pair, percentiles_ms
-from sim.bench.devices import MotorCommand
-from sim.bench.rig import SentScan
+from wallride.sim.bench.answers import onsets, pair, percentiles_ms
+from wallride.sim.bench.devices import MotorCommand
+from wallride.sim.bench.rig import SentScan
 
 FREE, BLOCKED = False, True
 

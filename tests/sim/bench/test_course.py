@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from drivers.hokuyo.codec import ScipDeframer
-from drivers.hokuyo.ranges import RangeDecoder
-from drivers.hokuyo.replies import decode_number
-from sim.bench.course import BOARD_AHEAD_M, make_course, sensor
+from wallride.drivers.hokuyo.codec import ScipDeframer
+from wallride.drivers.hokuyo.ranges import RangeDecoder
+from wallride.drivers.hokuyo.replies import decode_number
+from wallride.sim.bench.course import BOARD_AHEAD_M, make_course, sensor
 
 ECHO = b"MD0000108000000"
 

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from sim.bench import measure
-from sim.bench.course import make_course
-from sim.bench.rig import BenchError, Rig
 from wallride import bench_options
+from wallride.sim.bench import measure
+from wallride.sim.bench.course import make_course
+from wallride.sim.bench.rig import BenchError, Rig
 
 BRIEF = replace(
     measure.SHORT, warm_up_s=0.5, seconds=1.5, onsets=2, rate_seconds=0.5, rates_hz=(50,), beams=(361, 4321)
@@ -67,12 +67,10 @@ def test_it_answers_while_others_want_every_core():
 
 
 def test_the_car_does_not_outlive_a_bench_that_was_killed():
-    course = "from sim.bench.course import make_course; course = make_course(scans=2, blocked=False)"
-    rig = (
-        "from sim.bench.rig import Rig; import sys, time; r = Rig(course).__enter__(); print(r.process.pid, flush=True)"
-    )
+    course = "from wallride.sim.bench.course import make_course; course = make_course(scans=2, blocked=False)"
+    rig = "from wallride.sim.bench.rig import Rig; r = Rig(course).__enter__(); print(r.process.pid, flush=True)"
     bench = subprocess.Popen(
-        [sys.executable, "-c", f"{course}; {rig}; time.sleep(60)"], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", f"import time; {course}; {rig}; time.sleep(60)"], stdout=subprocess.PIPE, text=True
     )
     assert bench.stdout is not None
     pid = int(bench.stdout.readline())
@@ -110,7 +108,7 @@ def test_a_slipped_command_fails_the_benchmark(monkeypatch):
 
 
 def _measurements():
-    from sim.bench import command
+    from wallride.sim.bench import command
 
     return command.MEASUREMENTS
 

@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 
-from sim.bench import simulator
-from sim.world.beams import LidarSettings
-from sim.world.worlds import load_world
+from wallride.sim.bench import simulator
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.worlds import load_world
 
 
 def test_a_map_is_seen_exactly_where_its_walls_are_drawn():

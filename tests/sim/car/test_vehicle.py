@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from sim.car.delay import DelayLine
-from sim.car.vehicle import BrakeDemand, CoastDemand, SpeedDemand, Vehicle, VehicleSettings
-from sim.world.pose import Pose
+from wallride.sim.car.delay import DelayLine
+from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, SpeedDemand, Vehicle, VehicleSettings
+from wallride.sim.world.pose import Pose
 
 STEP_S = 0.005
 G_MPS2 = 9.81

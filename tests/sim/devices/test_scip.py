@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.devices.scip import ScipEmulator
-from sim.devices.scip_encode import (
+from wallride.sim.devices.scip import ScipEmulator
+from wallride.sim.devices.scip_encode import (
     URG_04LX,
     UST_10LX,
     SensorModel,
@@ -25,7 +25,7 @@ from sim.devices.scip_encode import (
     encode_samples,
     encode_scan,
 )
-from sim.devices.scip_sensor import ScipSensor
+from wallride.sim.devices.scip_sensor import ScipSensor
 
 VECTORS = Path(__file__).resolve().parents[3] / ".." / "shared" / "reference" / "vectors" / "scip.json"
 GOLDEN = json.loads(VECTORS.read_text())["frames"] if VECTORS.exists() else []

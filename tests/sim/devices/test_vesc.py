@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 
-from drivers.vesc import codec, replies
-from drivers.vesc.codec import Packet, VescDeframer, frame
-from sim.devices.vesc import MotorDemand, VescEmulator
-from sim.devices.vesc_logic import COAST, VescLogic
-from sim.devices.vesc_replies import firmware_reply, imu_reply, selective_reply, values_reply
+from wallride.drivers.vesc import codec, replies
+from wallride.drivers.vesc.codec import Packet, VescDeframer, frame
+from wallride.sim.devices.vesc import MotorDemand, VescEmulator
+from wallride.sim.devices.vesc_logic import COAST, VescLogic
+from wallride.sim.devices.vesc_replies import firmware_reply, imu_reply, selective_reply, values_reply
 
 VECTORS = Path(__file__).resolve().parents[3] / ".." / "shared" / "reference" / "vectors" / "vesc.json"
 PATIENCE_S = 5.0

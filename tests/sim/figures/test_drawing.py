@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from sim.figures.comparison import ComparedSteering
-from sim.figures.drawing import save_comparison, save_plot
-from sim.world.worlds import load_world
+from wallride.sim.figures.comparison import ComparedSteering
+from wallride.sim.figures.drawing import save_comparison, save_plot
+from wallride.sim.world.worlds import load_world
 
 
 def shades(path):

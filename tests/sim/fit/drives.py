@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from sim.car.vehicle import SpeedDemand, Vehicle, VehicleSettings
-from sim.recordings import CommandTrack, OdometryTrack, Recording
-from sim.world.beams import LidarSettings, scan
-from sim.world.place import World
-from sim.world.pose import Pose
-from sim.world.segments import SegmentGeometry, chain
+from wallride.sim.car.vehicle import SpeedDemand, Vehicle, VehicleSettings
+from wallride.sim.recordings import CommandTrack, OdometryTrack, Recording
+from wallride.sim.world.beams import LidarSettings, scan
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.segments import SegmentGeometry, chain
 
 STEP_S = 0.0025
 SCAN_S = 0.025

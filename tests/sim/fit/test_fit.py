@@ -6,17 +6,17 @@ import tomllib
 import numpy as np
 import pytest
 
-from sim.car.vehicle import VehicleSettings
-from sim.fit import estimate as estimates
-from sim.fit.command import run
-from sim.fit.drive import intervals, join, read_drive
-from sim.fit.driving import fit_drive
-from sim.fit.estimate import CarEstimate, conditions_text, distance, rows
-from sim.fit.sensor import fit_sensor
-from sim.fit.steering import fit_steering
-from sim.scenario.conditions import RequestedConditions, conditions_of
-from sim.world.beams import LidarSettings
 from tests.sim.fit.drives import recorded, straight
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.fit import estimate as estimates
+from wallride.sim.fit.command import run
+from wallride.sim.fit.drive import intervals, join, read_drive
+from wallride.sim.fit.driving import fit_drive
+from wallride.sim.fit.estimate import CarEstimate, conditions_text, distance, rows
+from wallride.sim.fit.sensor import fit_sensor
+from wallride.sim.fit.steering import fit_steering
+from wallride.sim.scenario.conditions import RequestedConditions, conditions_of
+from wallride.sim.world.beams import LidarSettings
 
 PLANTED = VehicleSettings(
     steering_delay_s=0.07, steering_rate_radps=2.25, trim_rad=0.03, drive_delay_s=0.06, ramp_mps2=3.0, wheelbase_m=0.3

@@ -7,10 +7,10 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from sim.recordings import CommandTrack, Recording, load_recording
-from sim.world.beams import LidarSettings, scan
-from sim.world.pose import Pose, Twist
-from sim.world.worlds import load_world
+from wallride.sim.recordings import CommandTrack, Recording, load_recording
+from wallride.sim.world.beams import LidarSettings, scan
+from wallride.sim.world.pose import Pose, Twist
+from wallride.sim.world.worlds import load_world
 
 RACECAR = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "racecar"
 LIDAR_M = 0.27

@@ -13,14 +13,14 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from sim.lab import hazards, laps, safety, walls
-from sim.lab.cell import Cell, CellChoice
-from sim.lab.command import LabUsageError, chosen, only, run
-from sim.lab.courses.sudden import BOXES, PLACES
-from sim.lab.courses.walls import ALL_COURSES
-from sim.lab.laws import GUARD_OF, build, check
 from tests.promises import promise
 from wallride import lab_options
+from wallride.sim.lab import hazards, laps, safety, walls
+from wallride.sim.lab.cell import Cell, CellChoice
+from wallride.sim.lab.command import LabUsageError, chosen, only, run
+from wallride.sim.lab.courses.sudden import BOXES, PLACES
+from wallride.sim.lab.courses.walls import ALL_COURSES
+from wallride.sim.lab.laws import GUARD_OF, build, check
 
 MAPS = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "maps"
 
@@ -131,7 +131,7 @@ def test_ctrl_c_leaves_quietly(monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("sim.lab.command.measure_all", interrupted)
+    monkeypatch.setattr("wallride.sim.lab.command.measure_all", interrupted)
     assert run(options("walls", "--quick")) == 130
 
 
@@ -263,7 +263,7 @@ def test_ctrl_c_ends_all_processes(tmp_path):
     script = (
         "import argparse, signal, sys\n"
         "from wallride import lab_options\n"
-        "from sim.lab.command import run\n"
+        "from wallride.sim.lab.command import run\n"
         "if __name__ == '__main__':\n"
         "    signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "    parser = argparse.ArgumentParser()\n"

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.vehicle import CarSettings
-from sim.lab import corners, laws, walls
-from sim.lab.cell import Cell, CellChoice
-from sim.lab.courses.building_places import CORNER_RAD, OFF_M, STARTS, building, is_held_out, places_on
-from sim.lab.courses.prototype import KD, KP_RAD_PER_M, Prototype, target_rad
-from sim.world.pose import Pose, Side
 from tests.runtime.control.wall_following.ball_scenes import scan_in
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.lab import corners, laws, walls
+from wallride.sim.lab.cell import Cell, CellChoice
+from wallride.sim.lab.courses.building_places import CORNER_RAD, OFF_M, STARTS, building, is_held_out, places_on
+from wallride.sim.lab.courses.prototype import KD, KP_RAD_PER_M, Prototype, target_rad
+from wallride.sim.world.pose import Pose, Side
 
 SKIRK = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "maps" / "skirk.yaml"
 needs_maps = pytest.mark.skipif(not SKIRK.is_file(), reason="the maps lie in shared/data beside the checkout")

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from runtime.control.report.laws import ReportGuard
-from runtime.control.vehicle import CarSettings
-from sim.car.vehicle import VehicleSettings
-from sim.lab import covers, hazards, laws
-from sim.lab.cell import Cell, CellChoice
-from sim.lab.courses.walls import world_of
-from sim.lab.covers import Cover
-from sim.virtual.closed_loop import Case, drive
-from sim.world.beams import NO_RETURN_MM
+from wallride.runtime.control.report.laws import ReportGuard
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.lab import covers, hazards, laws
+from wallride.sim.lab.cell import Cell, CellChoice
+from wallride.sim.lab.courses.walls import world_of
+from wallride.sim.lab.covers import Cover
+from wallride.sim.virtual.closed_loop import Case, drive
+from wallride.sim.world.beams import NO_RETURN_MM
 
 
 def cell(scenario, speed_mps=2.0, law="ball+swept", side="left"):

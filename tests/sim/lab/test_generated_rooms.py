@@ -6,12 +6,12 @@ import json
 import numpy as np
 import pytest
 
-from sim.lab import generated_rooms, laps
-from sim.lab.cell import Cell, CellChoice
-from sim.lab.command import run
-from sim.lab.courses.walls import world_of
-from sim.virtual.closed_loop import Case, SimulatedRun
 from wallride import lab_options
+from wallride.sim.lab import generated_rooms, laps
+from wallride.sim.lab.cell import Cell, CellChoice
+from wallride.sim.lab.command import run
+from wallride.sim.lab.courses.walls import world_of
+from wallride.sim.virtual.closed_loop import Case, SimulatedRun
 
 PERIOD_S = 0.025
 

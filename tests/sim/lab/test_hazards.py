@@ -2,9 +2,9 @@
 
 import pytest
 
-from sim.lab import hazards
-from sim.lab.cell import Cell
-from sim.lab.laws import check
+from wallride.sim.lab import hazards
+from wallride.sim.lab.cell import Cell
+from wallride.sim.lab.laws import check
 
 
 def measure(scenario, speed_mps, mu, side="left", seed=0, own_parts="none"):

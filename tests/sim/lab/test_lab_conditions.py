@@ -4,16 +4,16 @@ import argparse
 
 import pytest
 
-from sim.lab import corners, hazards, laps, safety, walls
-from sim.lab.command import chosen, run
-from sim.lab.report import drives
-from sim.lab.report.plan import ReportPlan, first_round, second_round
-from sim.lab.tuning import drive
-from sim.lab.tuning.drive import SCENARIOS
-from sim.lab_report.command import plan_of as report_of
-from sim.lab_report.page import conditions
-from sim.tuning.command import plan_of as study_of
 from wallride import lab_options
+from wallride.sim.lab import corners, hazards, laps, safety, walls
+from wallride.sim.lab.command import chosen, run
+from wallride.sim.lab.report import drives
+from wallride.sim.lab.report.plan import ReportPlan, first_round, second_round
+from wallride.sim.lab.tuning import drive
+from wallride.sim.lab.tuning.drive import SCENARIOS
+from wallride.sim.lab_report.command import plan_of as report_of
+from wallride.sim.lab_report.page import conditions
+from wallride.sim.tuning.command import plan_of as study_of
 
 FITTED = """[vehicle]
 steering_delay_s = 0.0450  # 0.045 s (0.040 to 0.050)

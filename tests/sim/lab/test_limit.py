@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from sim.car.vehicle import VehicleSettings
-from sim.lab.courses.walls import ALL_COURSES, COURSES, case_of, limit_task
-from sim.lab.limit import SCAN_S, Task, _best, _Problem, _scan_weights, driven_mean_error_m, least_mean_error_m
-from sim.lab.limits import FILE, MUS, REFERENCE_M, SPEEDS_MPS, key, limit_m
-from sim.world.pose import Pose
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.lab.courses.walls import ALL_COURSES, COURSES, case_of, limit_task
+from wallride.sim.lab.limit import SCAN_S, Task, _best, _Problem, _scan_weights, driven_mean_error_m, least_mean_error_m
+from wallride.sim.lab.limits import FILE, MUS, REFERENCE_M, SPEEDS_MPS, key, limit_m
+from wallride.sim.world.pose import Pose
 
 WALL = ((-5.0, 1.0, 55.0, 1.0),)
 

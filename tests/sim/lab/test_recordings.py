@@ -7,13 +7,13 @@ import warnings
 import numpy as np
 import pytest
 
-from sim.lab import recordings
-from sim.lab.cell import Cell
-from sim.lab.command import LabUsageError, chosen, run
-from sim.lab.recorded.recording_pictures import WINDOW_TITLE_LETTERS, wrapped
-from sim.lab.recorded.replay import replay
 from tests.sim.lab.recorded_drives import RACECAR, real
 from wallride import lab_options
+from wallride.sim.lab import recordings
+from wallride.sim.lab.cell import Cell
+from wallride.sim.lab.command import LabUsageError, chosen, run
+from wallride.sim.lab.recorded.recording_pictures import WINDOW_TITLE_LETTERS, wrapped
+from wallride.sim.lab.recorded.replay import replay
 
 
 def options(*arguments):

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.lab import rooms
-from sim.lab.cell import Cell, CellChoice
-from sim.lab.courses.walls import world_of
-from sim.virtual.closed_loop import Case, SimulatedRun
-from sim.world.obstacles import ConstantMotion, Round, person
-from sim.world.pose import CAR
+from wallride.sim.lab import rooms
+from wallride.sim.lab.cell import Cell, CellChoice
+from wallride.sim.lab.courses.walls import world_of
+from wallride.sim.virtual.closed_loop import Case, SimulatedRun
+from wallride.sim.world.obstacles import ConstantMotion, Round, person
+from wallride.sim.world.pose import CAR
 
 PERIOD_S = 0.025
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from sim.lab import window
-from sim.lab.cell import Cell, CellChoice
-from sim.world.beams import LidarSettings
+from wallride.sim.lab import window
+from wallride.sim.lab.cell import Cell, CellChoice
+from wallride.sim.world.beams import LidarSettings
 
 
 def cell(scenario, speed_mps=2.0, side="left"):

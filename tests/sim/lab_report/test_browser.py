@@ -5,10 +5,10 @@ import io
 import pytest
 from rich.console import Console
 
-from sim.lab.report.plan import ReportPlan
-from sim.lab_report.command import measure, write
 from tests.clients.monitor.axe import violations
 from tests.clients.monitor.browser import chromium, find_chromium, needs_chromium
+from wallride.sim.lab.report.plan import ReportPlan
+from wallride.sim.lab_report.command import measure, write
 
 LOOKS = [{"width": 1400, "height": 900}, {"width": 390, "height": 844, "mobile": True, "dark": True}]
 

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from runtime.parameters.catalogue import catalogue
-from sim.lab.report import drives, published, tables, wall_ahead
-from sim.lab.report.differences import differences
-from sim.lab.report.drives import Starts
-from sim.lab.report.gains import likeness, published_table, trend
-from sim.lab.report.plan import (
+from wallride import lab_options
+from wallride.runtime.parameters.catalogue import catalogue
+from wallride.sim.lab.report import drives, published, tables, wall_ahead
+from wallride.sim.lab.report.differences import differences
+from wallride.sim.lab.report.drives import Starts
+from wallride.sim.lab.report.gains import likeness, published_table, trend
+from wallride.sim.lab.report.plan import (
     ALONE_LAW,
     REPORT_LAW,
     ReportPlan,
@@ -28,10 +29,9 @@ from sim.lab.report.plan import (
     trial,
     variations,
 )
-from sim.lab_report.command import ReportUsageError, measure, plan_of, run, write
-from sim.lab_report.page import conditions, document
-from sim.scenario.conditions import ConditionsError
-from wallride import lab_options
+from wallride.sim.lab_report.command import ReportUsageError, measure, plan_of, run, write
+from wallride.sim.lab_report.page import conditions, document
+from wallride.sim.scenario.conditions import ConditionsError
 
 SMALL = ReportPlan(
     tests=("t2", "t5"), report_settings=("wall_follow.kd=1.6",), law_settings=("wall_follow.kp=13.5",
@@ -392,6 +392,6 @@ def test_ctrl_c_writes_nothing(tmp_path, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("sim.lab_report.command.measure_all", interrupted)
+    monkeypatch.setattr("wallride.sim.lab_report.command.measure_all", interrupted)
     assert run(options("-o", str(tmp_path / "out"))) == 130
     assert not (tmp_path / "out").exists()

@@ -5,12 +5,12 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
-from runtime.settings.tree import Settings
-from sim.car.vehicle import Vehicle, VehicleSettings
-from sim.live.emulated_car import DeviceAddresses, EmulatedCar, EmulatedPorts
-from sim.live.scenes import WorldScene
-from sim.world.beams import LidarSettings
-from sim.world.worlds import load_world
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.car.vehicle import Vehicle, VehicleSettings
+from wallride.sim.live.emulated_car import DeviceAddresses, EmulatedCar, EmulatedPorts
+from wallride.sim.live.scenes import WorldScene
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.worlds import load_world
 
 
 @dataclass

@@ -6,18 +6,24 @@ import math
 import numpy as np
 import pytest
 
-from runtime.wire.network import RefusedError
-from sim.car.vehicle import SpeedDemand, Vehicle
-from sim.live.live_conditions import ACTIONS, KEYS, LiveConditions
-from sim.live.live_keys import LEGEND, handle_keys, legend
-from sim.live.scenes import WorldScene
-from sim.live.stop_request import StopRequest
-from sim.scenario.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of, own_parts_kinds
-from sim.scenario.obstacle_text import read_obstacle
-from sim.world.beams import NO_RETURN_MM, LidarSettings
-from sim.world.obstacles import Box, ConstantMotion, Obstacle, Round, StandingObstacle, SuddenObstacle
-from sim.world.pose import Pose
-from sim.world.worlds import load_world
+from wallride.runtime.wire.network import RefusedError
+from wallride.sim.car.vehicle import SpeedDemand, Vehicle
+from wallride.sim.live.live_conditions import ACTIONS, KEYS, LiveConditions
+from wallride.sim.live.live_keys import LEGEND, handle_keys, legend
+from wallride.sim.live.scenes import WorldScene
+from wallride.sim.live.stop_request import StopRequest
+from wallride.sim.scenario.conditions import (
+    Conditions,
+    ConditionsError,
+    RequestedConditions,
+    conditions_of,
+    own_parts_kinds,
+)
+from wallride.sim.scenario.obstacle_text import read_obstacle
+from wallride.sim.world.beams import NO_RETURN_MM, LidarSettings
+from wallride.sim.world.obstacles import Box, ConstantMotion, Obstacle, Round, StandingObstacle, SuddenObstacle
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.worlds import load_world
 
 
 def corridor(conditions=None):

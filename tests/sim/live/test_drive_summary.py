@@ -7,11 +7,11 @@ import pickle
 import pytest
 from rich.console import Console
 
-from runtime.parameters.history import SettingChange
-from runtime.settings.tree import Settings
-from sim.figures.summary import Sample
-from sim.live import drive_summary
-from sim.live.record import MAX_TRACK, Record, ThinnedTrack
+from wallride.runtime.parameters.history import SettingChange
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.figures.summary import Sample
+from wallride.sim.live import drive_summary
+from wallride.sim.live.record import MAX_TRACK, Record, ThinnedTrack
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_the_summary_says_why_the_car_stands(speed_mps, said):
 
 def test_a_drive_of_days_takes_no_more_memory_than_one_of_minutes(monkeypatch):
     """Pickled sizes: what is kept grows until the track is full, and no further."""
-    monkeypatch.setattr("sim.live.record.MAX_TRACK", 2000)
+    monkeypatch.setattr("wallride.sim.live.record.MAX_TRACK", 2000)
     record, sizes = Record(1.0), []
     for scan in range(4 * 2000 + 1):
         record.note(Sample(scan * 0.025, math.cos(scan), math.sin(scan), 0.0, 1.0, 1.0 + 0.1 * math.sin(scan), 0.5))

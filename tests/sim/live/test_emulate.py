@@ -2,13 +2,13 @@
 
 import pytest
 
-from drivers.address import parse_address
-from runtime.settings.tree import load_settings
-from sim.live.emulate_command import emulated_folder, write_settings
-from sim.live.emulated_car import DeviceAddresses
-from sim.live.session import SessionError
 from tests.sim.live.emulated import car, running
 from wallride.cli import main
+from wallride.drivers.address import parse_address
+from wallride.runtime.settings.tree import load_settings
+from wallride.sim.live.emulate_command import emulated_folder, write_settings
+from wallride.sim.live.emulated_car import DeviceAddresses
+from wallride.sim.live.session import SessionError
 
 
 async def test_the_ports_have_names_that_stay_and_go_with_the_car(tmp_path):

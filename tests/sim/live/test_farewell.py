@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from sim.live.screen import address_in
+from wallride.sim.live.screen import address_in
 
 aiohttp = pytest.importorskip("aiohttp", reason="the monitor needs aiohttp: pip install 'wallride[monitor]'")
 pytestmark = pytest.mark.timeout(120)

@@ -5,13 +5,13 @@ from dataclasses import asdict
 
 import pytest
 
-from runtime.parameters.history import ChangeHistory, SettingChange
-from runtime.ros import messages
-from runtime.ros.definitions import encoding
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.ports import free_endpoint
-from sim.live.listener import Listener
+from wallride.runtime.parameters.history import ChangeHistory, SettingChange
+from wallride.runtime.ros import messages
+from wallride.runtime.ros.definitions import encoding
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.sim.live.listener import Listener
 
 
 async def test_it_waits_for_the_runtime_and_then_keeps_the_newest():

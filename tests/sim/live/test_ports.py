@@ -7,12 +7,12 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from runtime.host.address_file import Address
-from runtime.settings.tree import Settings
-from sim.live import command, fleet
-from sim.live.record import Record
-from sim.live.screen import port_notice
-from sim.live.terminal_view import ViewStatus, status_rows
+from wallride.runtime.host.address_file import Address
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.live import command, fleet
+from wallride.sim.live.record import Record
+from wallride.sim.live.screen import port_notice
+from wallride.sim.live.terminal_view import ViewStatus, status_rows
 
 STANDARD = ("tcp/127.0.0.1:7447",)
 ELSEWHERE = "tcp/127.0.0.1:40123"

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from sim.live.command import simulate
-from sim.live.record import Record
-from sim.live.session import SessionError, SimulatorSession
-from sim.live.stop_request import StopRequest
 from wallride import sim_options
+from wallride.sim.live.command import simulate
+from wallride.sim.live.record import Record
+from wallride.sim.live.session import SessionError, SimulatorSession
+from wallride.sim.live.stop_request import StopRequest
 
 
 def send(number):
@@ -78,15 +78,15 @@ async def test_a_stop_while_the_car_starts_waits_for_nothing(tmp_path):
 
 
 def test_a_simulator_that_is_still_imported_ends_at_once(monkeypatch):
-    module = ModuleType("sim.live.command")
+    module = ModuleType("wallride.sim.live.command")
     module.__getattr__ = lambda _name: send(signal.SIGINT)  # type: ignore[method-assign]
-    monkeypatch.setitem(sys.modules, "sim.live.command", module)
+    monkeypatch.setitem(sys.modules, "wallride.sim.live.command", module)
     with pytest.raises(KeyboardInterrupt):
         sim_options.run(Namespace())
 
 
 def test_a_simulation_that_still_reads_its_settings_ends_at_once(monkeypatch):
-    monkeypatch.setattr("sim.live.command.find_config", lambda: send(signal.SIGINT))
+    monkeypatch.setattr("wallride.sim.live.command.find_config", lambda: send(signal.SIGINT))
     stop = StopRequest()
     with stop.listening(), pytest.raises(KeyboardInterrupt):
         simulate(Namespace(config=None), stop)

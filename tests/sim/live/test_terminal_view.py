@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 from rich.text import Text
 
-from sim.live.terminal_view import (
+from wallride.sim.live.terminal_view import (
     CAR,
     CAR_OUTSIDE,
     FOLLOW_SPAN_M,

@@ -7,13 +7,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from runtime.settings.tree import Settings, load_settings
-from sim.car.vehicle import Vehicle, VehicleSettings
-from sim.live.traffic import TrafficWorld, outline_m, starts
-from sim.scenario.simulated_car import find_config
-from sim.world.obstacles import pole
-from sim.world.pose import CAR, Pose
-from sim.world.worlds import load_world
+from wallride.runtime.settings.tree import Settings, load_settings
+from wallride.sim.car.vehicle import Vehicle, VehicleSettings
+from wallride.sim.live.traffic import TrafficWorld, outline_m, starts
+from wallride.sim.scenario.simulated_car import find_config
+from wallride.sim.world.obstacles import pole
+from wallride.sim.world.pose import CAR, Pose
+from wallride.sim.world.worlds import load_world
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from sim.recordings.messages import ACKERMANN, ACKERMANN_DEFINITIONS, LASER_SCAN, ODOMETRY
+from wallride.sim.recordings.messages import ACKERMANN, ACKERMANN_DEFINITIONS, LASER_SCAN, ODOMETRY
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 Said = tuple[str, str, float, Any]

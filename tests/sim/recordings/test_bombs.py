@@ -11,14 +11,14 @@ import pytest
 from mcap.exceptions import InvalidMagic
 from mcap.writer import CompressionType, Writer
 
-from clients import log_info
-from clients.connection import ConnectionProblemError
-from clients.remote.recording import open_recording
-from runtime.recording import unpacking
-from runtime.recording.recover import RecoveryError, recover
-from runtime.recording.unpacking import Unpacking
-from sim.recordings import RecordingError, load_recording
-from sim.replay.drive_log import read_log
+from wallride.clients import log_info
+from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.remote.recording import open_recording
+from wallride.runtime.recording import unpacking
+from wallride.runtime.recording.recover import RecoveryError, recover
+from wallride.runtime.recording.unpacking import Unpacking
+from wallride.sim.recordings import RecordingError, load_recording
+from wallride.sim.replay.drive_log import read_log
 
 
 def mcap(path: Path, messages: int, message_b: int, compression: CompressionType) -> Path:
@@ -84,7 +84,7 @@ def test_a_bomb_of_arrays_is_refused(tmp_path: Path) -> None:
 def test_a_reader_that_takes_all_memory_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "r.bag"
     path.write_bytes(b"#ROSBAG V2.0\n")
-    monkeypatch.setattr("sim.recordings.ros._collect", lambda *_: bytearray(8 << 30))
+    monkeypatch.setattr("wallride.sim.recordings.ros._collect", lambda *_: bytearray(8 << 30))
     with pytest.raises(RecordingError, match=r"r\.bag: it has 0\.0 MB and unpacks to more than"):
         load_recording(path)
     bytearray(1 << 30)  # the bound holds while a file is read

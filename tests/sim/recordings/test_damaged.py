@@ -9,8 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin
 
-from sim.recordings import RecordingError, load_recording
-from sim.recordings.salvage import whole_messages
+from wallride.sim.recordings import RecordingError, load_recording
+from wallride.sim.recordings.salvage import whole_messages
 
 
 def test_every_scan_of_a_bag_whose_line_ends_were_converted_is_saved(shared_data: Path) -> None:

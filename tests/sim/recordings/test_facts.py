@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from sim.recordings import Recording, RecordingError, load_recording
+from wallride.sim.recordings import Recording, RecordingError, load_recording
 
 GAP_S = 0.0375
 """One and a half periods at 40 Hz: at least one scan is missing."""

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from sim.live.scenes import RecordingScene
-from sim.recordings import RecordingError
-from sim.recordings.recording import LidarTrack
-from sim.recordings.tracks import Tracks, assemble
+from wallride.sim.live.scenes import RecordingScene
+from wallride.sim.recordings import RecordingError
+from wallride.sim.recordings.recording import LidarTrack
+from wallride.sim.recordings.tracks import Tracks, assemble
 
 STEP_RAD = math.radians(1.0)
 

@@ -8,8 +8,8 @@ import pytest
 from mcap.writer import Writer
 from rosbags.rosbag2 import StoragePlugin
 
-from sim.recordings import RecordingError, load_recording
 from tests.sim.recordings.conftest import Said, Stage
+from wallride.sim.recordings import RecordingError, load_recording
 
 
 def as_mcap(path: Path, stage: Stage, said: list[Said], *, foreign: str = "") -> Path:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin
 
-from sim.recordings import Recording, RecordingError, load_recording
+from wallride.sim.recordings import Recording, RecordingError, load_recording
 
 ORIGINALS = [
     ("t1_standing_all_topics", ""),
@@ -263,7 +263,7 @@ def test_archives_are_read_without_rosbags(ros2: Any, ros2_story: Any, tmp_path:
 
 
 def test_rosbags_is_imported_only_when_needed() -> None:
-    check = "import sys, sim.recordings; sys.exit('rosbags' in sys.modules)"
+    check = "import sys, wallride.sim.recordings; sys.exit('rosbags' in sys.modules)"
     subprocess.run([sys.executable, "-c", check], cwd=Path(__file__).resolve().parents[3], check=True)
 
 

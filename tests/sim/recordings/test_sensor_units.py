@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.recordings import NO_RETURN_MM, load_recording, to_sensor_mm
+from wallride.sim.recordings import NO_RETURN_MM, load_recording, to_sensor_mm
 
 NAN, INF = np.nan, np.inf
 

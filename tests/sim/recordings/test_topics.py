@@ -5,7 +5,7 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from sim.recordings import CommandTrack, Recording
+from wallride.sim.recordings import CommandTrack, Recording
 
 
 def track(count=3):

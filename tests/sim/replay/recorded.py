@@ -4,22 +4,22 @@ import argparse
 import asyncio
 from importlib.metadata import version
 
-from runtime.app import Car
-from runtime.recording import channels
-from runtime.recording.channels import RecordMessage
-from runtime.recording.decision_log import DecisionLog
-from runtime.recording.disk import RealDisk
-from runtime.recording.laws_fingerprint import laws_fingerprint
-from runtime.recording.mcap_file import McapFile
-from runtime.recording.transcriber import Transcriber
-from runtime.ros.definitions import TYPES
-from runtime.settings.tree import Settings
-from runtime.wire import topics
-from runtime.wire.ports import free_endpoint
-from sim.virtual.devices import MemoryBus
-from sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor
-from sim.virtual.virtual_time import run_virtual
-from sim.world.worlds import load_world
+from wallride.runtime.app import Car
+from wallride.runtime.recording import channels
+from wallride.runtime.recording.channels import RecordMessage
+from wallride.runtime.recording.decision_log import DecisionLog
+from wallride.runtime.recording.disk import RealDisk
+from wallride.runtime.recording.laws_fingerprint import laws_fingerprint
+from wallride.runtime.recording.mcap_file import McapFile
+from wallride.runtime.recording.transcriber import Transcriber
+from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.sim.virtual.devices import MemoryBus
+from wallride.sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor
+from wallride.sim.virtual.virtual_time import run_virtual
+from wallride.sim.world.worlds import load_world
 
 SETTINGS = {"battery": {"settle_s": 0}, "operator": {"permit": "always"}, "wall_follow": {"speed_mps": 1.5}}
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.api import Drive
-from runtime.arbitration.command import Decision, Output, Source
-from runtime.control.guidance import Guidance
-from sim.replay.difference import Difference, guidances, outputs, same
+from wallride.drivers.api import Drive
+from wallride.runtime.arbitration.command import Decision, Output, Source
+from wallride.runtime.control.guidance import Guidance
+from wallride.sim.replay.difference import Difference, guidances, outputs, same
 
 DECISION = Decision(1.0, 0.1, Source.NAVIGATION, Source.SAFETY, "slower: wall ahead", 1.5)
 OUTPUT = Output(3.0, Drive(1.0, 0.1), DECISION, delivered=True)

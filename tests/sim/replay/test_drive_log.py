@@ -4,10 +4,10 @@ import json
 
 import pytest
 
-from runtime.wire import topics
-from sim.recordings import RecordingError
-from sim.replay.decode import decode
-from sim.replay.drive_log import is_mcap, read_log
+from wallride.runtime.wire import topics
+from wallride.sim.recordings import RecordingError
+from wallride.sim.replay.decode import decode
+from wallride.sim.replay.drive_log import is_mcap, read_log
 
 
 def test_a_whole_file_holds_what_was_recorded(dead_end):

@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from runtime.wire import topics
-from sim.recordings import OdometryTrack, Recording, RecordingError, load_recording
-from sim.replay.decode import decode
-from sim.replay.foreign import drive_recording, motor_states, settings_for
-from sim.replay.opening import open_any
-from sim.virtual.devices import ranges_between_walls
+from wallride.runtime.wire import topics
+from wallride.sim.recordings import OdometryTrack, Recording, RecordingError, load_recording
+from wallride.sim.replay.decode import decode
+from wallride.sim.replay.foreign import drive_recording, motor_states, settings_for
+from wallride.sim.replay.opening import open_any
+from wallride.sim.virtual.devices import ranges_between_walls
 
 BEAMS = 1081
 

@@ -4,12 +4,12 @@ import json
 
 import pytest
 
-from runtime.recording.decision_log import DecisionEvent, FollowerEvent
-from sim.recordings import RecordingError
-from sim.replay.drive_log import read_log
-from sim.replay.moment import moment_at_scan, moment_at_time
-from sim.replay.reenact import events_of
 from wallride.cli import main
+from wallride.runtime.recording.decision_log import DecisionEvent, FollowerEvent
+from wallride.sim.recordings import RecordingError
+from wallride.sim.replay.drive_log import read_log
+from wallride.sim.replay.moment import moment_at_scan, moment_at_time
+from wallride.sim.replay.reenact import events_of
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def test_a_scan_that_safety_slowed_the_car_at(log):
 
 def test_the_decision_is_the_first_after_the_answer(log, monkeypatch):
     events = events_of(log)
-    monkeypatch.setattr("sim.replay.moment.events_of", lambda _: events)
+    monkeypatch.setattr("wallride.sim.replay.moment.events_of", lambda _: events)
     for scan in (1, 77, 201, 300):
         at = next(i for i, e in enumerate(events) if isinstance(e, FollowerEvent) and e.sequence == scan)
         first = next(event.output for event in events[at:] if isinstance(event, DecisionEvent))
@@ -55,7 +55,7 @@ def test_a_scan_without_an_answer_names_its_neighbours(log):
 
 def test_it_says_when_the_recording_ends_before_the_decision(log, monkeypatch):
     answers_only = [event for event in events_of(log) if not isinstance(event, DecisionEvent)]
-    monkeypatch.setattr("sim.replay.moment.events_of", lambda _: answers_only)
+    monkeypatch.setattr("wallride.sim.replay.moment.events_of", lambda _: answers_only)
     assert moment_at_scan(log, 200).lines()[-1] == "  the recording ends before a decision on it"
     assert moment_at_scan(log, 200).as_plain()["decision"] is None
 

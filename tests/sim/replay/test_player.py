@@ -2,10 +2,10 @@
 
 import pytest
 
-from runtime.wire import topics
-from sim.replay.drive_log import DriveLog, LoggedMessage
-from sim.replay.keys import names, press
-from sim.replay.player import FASTEST, Player
+from wallride.runtime.wire import topics
+from wallride.sim.replay.drive_log import DriveLog, LoggedMessage
+from wallride.sim.replay.keys import names, press
+from wallride.sim.replay.player import FASTEST, Player
 
 
 class Hand:

@@ -11,17 +11,17 @@ from pathlib import Path
 
 import pytest
 
-from clients.connection import Cars
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.network import RefusedError
-from runtime.wire.ports import free_endpoint
-from sim.recordings import RecordingError
-from sim.replay import publish
-from sim.replay.drive_log import read_log
-from sim.replay.player import Player
-from sim.replay.publish import Broadcast
 from tests.sim.replay.recorded import options
+from wallride.clients.connection import Cars
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import RefusedError
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.sim.recordings import RecordingError
+from wallride.sim.replay import publish
+from wallride.sim.replay.drive_log import read_log
+from wallride.sim.replay.player import Player
+from wallride.sim.replay.publish import Broadcast
 
 ROOT = Path(__file__).resolve().parents[3]
 

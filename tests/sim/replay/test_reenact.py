@@ -5,18 +5,18 @@ from pathlib import Path
 
 import pytest
 
-from drivers.api import Drive
-from runtime.arbitration.command import DriveCommand, Source, refusal
-from runtime.recording import channels
-from runtime.recording.decision_log import DecisionEvent
-from runtime.recording.disk import RealDisk
-from runtime.recording.mcap_file import McapFile
-from runtime.settings.tree import SettingsError
-from sim.recordings import RecordingError
-from sim.replay.difference import CLOSE
-from sim.replay.drive_log import read_log
-from sim.replay.reenact import events_of, reenact
 from tests.sim.replay.recorded import record
+from wallride.drivers.api import Drive
+from wallride.runtime.arbitration.command import DriveCommand, Source, refusal
+from wallride.runtime.recording import channels
+from wallride.runtime.recording.decision_log import DecisionEvent
+from wallride.runtime.recording.disk import RealDisk
+from wallride.runtime.recording.mcap_file import McapFile
+from wallride.runtime.settings.tree import SettingsError
+from wallride.sim.recordings import RecordingError
+from wallride.sim.replay.difference import CLOSE
+from wallride.sim.replay.drive_log import read_log
+from wallride.sim.replay.reenact import events_of, reenact
 
 
 def test_a_simulated_drive_is_decided_identically(dead_end):

@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from sim.replay.drive_log import read_log
-from sim.replay.run import run_of
 from tests.sim.replay.recorded import record
+from wallride.sim.replay.drive_log import read_log
+from wallride.sim.replay.run import run_of
 
 DRIVE = {"world": "dead_end", "seconds": 9.0, "sections": {"wall_follow": {"speed_mps": 2.0}}}
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from sim.run_report.page import page
-from sim.run_report.shown import shown
 from tests.clients.monitor.axe import violations
 from tests.clients.monitor.browser import chromium, find_chromium, needs_chromium
+from wallride.sim.run_report.page import page
+from wallride.sim.run_report.shown import shown
 
 CURSOR = "document.querySelector('svg[data-chart=speed] .cursor').getAttribute('d')"
 CLOCK = "Number.parseFloat(document.querySelector('.clock').textContent)"

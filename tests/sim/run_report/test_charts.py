@@ -5,8 +5,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from sim.run_report.above import Above, from_above
-from sim.run_report.charts import WIDTH, ChartLine, Mark, histogram, over_time
+from wallride.sim.run_report.above import Above, from_above
+from wallride.sim.run_report.charts import WIDTH, ChartLine, Mark, histogram, over_time
 
 NOTHING = np.empty(0)
 

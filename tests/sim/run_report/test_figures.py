@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from runtime.settings.tree import Settings
-from sim.figures import summary
-from sim.replay.command import _tell
-from sim.replay.figures import numbers, samples, slowed, stops, truth_of
-from sim.replay.run import MuxChange, OdometryPath, RecordedRun, Series
-from sim.run_report.events import stops_table
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.figures import summary
+from wallride.sim.replay.command import _tell
+from wallride.sim.replay.figures import numbers, samples, slowed, stops, truth_of
+from wallride.sim.replay.run import MuxChange, OdometryPath, RecordedRun, Series
+from wallride.sim.run_report.events import stops_table
 
 NOTHING = np.empty(0)
 

@@ -10,19 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.recordings import RecordingError
-from sim.replay.decode import decode
-from sim.replay.drive_log import read_log
-from sim.replay.figures import numbers, stops
-from sim.replay.opening import open_any
-from sim.replay.run import run_of
-from sim.run_report import command
-from sim.run_report.moments import extremes
-from sim.run_report.page import page
-from sim.run_report.shown import shown
 from tests.sim.replay.recorded import options as offline
 from tests.sim.replay.recorded import record
 from tests.sim.run_report.conftest import DRIVE
+from wallride.sim.recordings import RecordingError
+from wallride.sim.replay.decode import decode
+from wallride.sim.replay.drive_log import read_log
+from wallride.sim.replay.figures import numbers, stops
+from wallride.sim.replay.opening import open_any
+from wallride.sim.replay.run import run_of
+from wallride.sim.run_report import command
+from wallride.sim.run_report.moments import extremes
+from wallride.sim.run_report.page import page
+from wallride.sim.run_report.shown import shown
 
 BAG = Path(__file__).resolve().parents[2] / "data" / "urg04lx_people_40.bag"
 

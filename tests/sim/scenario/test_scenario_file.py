@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from sim.scenario.scenario_file import load_scenario
-from sim.scenario.toml_lines import FileMistakeError, read_toml
-from sim.world.obstacles import Box, ConstantMotion, Round, StandingObstacle, SuddenObstacle
-from sim.world.pose import Pose
+from wallride.sim.scenario.scenario_file import load_scenario
+from wallride.sim.scenario.toml_lines import FileMistakeError, read_toml
+from wallride.sim.world.obstacles import Box, ConstantMotion, Round, StandingObstacle, SuddenObstacle
+from wallride.sim.world.pose import Pose
 
 EXAMPLES = sorted((Path(__file__).parents[3] / "config" / "scenarios").glob("*.toml"))
 HEAD = 'world = "corridor"\nduration_s = 5.0\n'

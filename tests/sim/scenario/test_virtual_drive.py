@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from sim.scenario.command import run
-from sim.scenario.driven import DrivenScenario, judge
-from sim.scenario.scenario_file import load_scenario
-from sim.scenario.virtual_drive import drive_scenario
-from sim.world.pose import Pose
 from tests.sim.scenario.test_scenario_file import EXAMPLES
 from wallride import lab_options
+from wallride.sim.scenario.command import run
+from wallride.sim.scenario.driven import DrivenScenario, judge
+from wallride.sim.scenario.scenario_file import load_scenario
+from wallride.sim.scenario.virtual_drive import drive_scenario
+from wallride.sim.world.pose import Pose
 
 HEAD = 'world = "corridor"\nduration_s = 4.0\n[settings]\nwall_follow.speed_mps = 2.0\n'
 

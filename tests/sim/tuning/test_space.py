@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from runtime.parameters.policy import LOOSENS, Loosens
-from sim.lab.laws import settings_of
-from sim.tuning.space import SpaceError, space_of
+from wallride.runtime.parameters.policy import LOOSENS, Loosens
+from wallride.sim.lab.laws import settings_of
+from wallride.sim.tuning.space import SpaceError, space_of
 
 SETTINGS = settings_of("ball+swept", "left", 1.0, 1.0)
 

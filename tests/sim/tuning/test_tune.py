@@ -14,13 +14,13 @@ import pytest
 from optuna.distributions import FloatDistribution
 from optuna.trial import create_trial
 
-from runtime.settings.tree import load_settings
-from sim.lab.tuning.drive import HELD_OUT, MUS, SCENARIOS, SampledConditions, cells, measure
-from sim.tuning.command import measuring, plan_of, run
-from sim.tuning.page import pareto_front
-from sim.tuning.study import FIRST_HELD_OUT_SEED, SEEDS, TuningPlan, finished, go_on, open_study
-from sim.tuning.verdict import _compared, _drive, best_trials
 from wallride import lab_options
+from wallride.runtime.settings.tree import load_settings
+from wallride.sim.lab.tuning.drive import HELD_OUT, MUS, SCENARIOS, SampledConditions, cells, measure
+from wallride.sim.tuning.command import measuring, plan_of, run
+from wallride.sim.tuning.page import pareto_front
+from wallride.sim.tuning.study import FIRST_HELD_OUT_SEED, SEEDS, TuningPlan, finished, go_on, open_study
+from wallride.sim.tuning.verdict import _compared, _drive, best_trials
 
 ROOT = Path(__file__).resolve().parents[3]
 SMALL = ("--method", "report", "--only", "t2", "--jobs", "1")
@@ -73,8 +73,8 @@ def _finished(folder, plan):
 
 
 def test_the_settings_file_can_be_driven_and_tells_where_each_value_is_from(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("sim.tuning.verdict.VERDICT_SEEDS", 1)
-    monkeypatch.setattr("sim.tuning.verdict.HELD_OUT", (("t3", 3.0),))
+    monkeypatch.setattr("wallride.sim.tuning.verdict.VERDICT_SEEDS", 1)
+    monkeypatch.setattr("wallride.sim.tuning.verdict.HELD_OUT", (("t3", 3.0),))
     folder = tmp_path / "study"
     assert run(options(*SMALL, "--trials", "4", "--set", "wall_follow.corner_ahead_m=1.5", "-o", str(folder))) == 0
     said = capsys.readouterr().out

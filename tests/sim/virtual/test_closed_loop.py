@@ -6,18 +6,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from drivers.api import Drive
-from runtime.arbitration.command import Verdict
-from runtime.control.guidance import Guidance
-from runtime.control.report.laws import ReportFollower, ReportGuard
-from runtime.control.report.settings import ReportFollowSettings
-from runtime.control.vehicle import CarSettings
-from sim.car.vehicle import VehicleSettings
-from sim.virtual.closed_loop import FULL_BRAKE_MPS2, Case, as_scan, drive, wall_distances_m
-from sim.world.beams import LidarSettings
-from sim.world.obstacles import ConstantMotion, person, sudden_box
-from sim.world.pose import CAR, Pose
-from sim.world.worlds import load_world
+from wallride.drivers.api import Drive
+from wallride.runtime.arbitration.command import Verdict
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.report.laws import ReportFollower, ReportGuard
+from wallride.runtime.control.report.settings import ReportFollowSettings
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.virtual.closed_loop import FULL_BRAKE_MPS2, Case, as_scan, drive, wall_distances_m
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.obstacles import ConstantMotion, person, sudden_box
+from wallride.sim.world.pose import CAR, Pose
+from wallride.sim.world.worlds import load_world
 
 FLOOR_MPS2 = VehicleSettings().grip_mu * 9.81
 """What the floor holds, however hard the brake pulls."""

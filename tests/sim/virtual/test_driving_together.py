@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.fleet import alone, cases, driven, gaps_m, together
-from runtime.settings.tree import Settings
-from sim.world.worlds import load_world
+from wallride.runtime.settings.tree import Settings
+from wallride.sim.world.worlds import load_world
 
 CLEARANCE_M = 0.1
 

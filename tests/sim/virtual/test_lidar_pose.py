@@ -6,17 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.vesc.settings import VescSettings
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.vehicle import CarSettings
-from sim.car.wiring import NO_ERRORS, WiringConversion, WiringErrors
-from sim.lab.courses.walls import case_of
-from sim.lab.figures import errors
-from sim.lab.laws import build, settings_of
-from sim.virtual.closed_loop import as_scan, drive
-from sim.world.beams import LidarSettings, scan
-from sim.world.pose import STANDING, Pose
-from sim.world.worlds import load_world
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.car.wiring import NO_ERRORS, WiringConversion, WiringErrors
+from wallride.sim.lab.courses.walls import case_of
+from wallride.sim.lab.figures import errors
+from wallride.sim.lab.laws import build, settings_of
+from wallride.sim.virtual.closed_loop import as_scan, drive
+from wallride.sim.world.beams import LidarSettings, scan
+from wallride.sim.world.pose import STANDING, Pose
+from wallride.sim.world.worlds import load_world
 
 YAW_RAD, X_M, Y_M = math.radians(5.0), 0.3, -0.06
 MOUNT = {"mount_x_m": X_M, "mount_y_m": Y_M, "mount_yaw_rad": YAW_RAD}

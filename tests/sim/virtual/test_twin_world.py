@@ -5,13 +5,13 @@ import asyncio
 import numpy as np
 import pytest
 
-from drivers.api import Drive, LinkState
-from sim.car.vehicle import BrakeDemand, SpeedDemand, Vehicle
-from sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor, demand_of
-from sim.virtual.virtual_time import run_virtual
-from sim.world.obstacles import pole
-from sim.world.pose import Pose
-from sim.world.worlds import load_world
+from wallride.drivers.api import Drive, LinkState
+from wallride.sim.car.vehicle import BrakeDemand, SpeedDemand, Vehicle
+from wallride.sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor, demand_of
+from wallride.sim.virtual.virtual_time import run_virtual
+from wallride.sim.world.obstacles import pole
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.worlds import load_world
 
 
 class Hand:

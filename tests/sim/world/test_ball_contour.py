@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from sim.world.ball_contour import ENDLESS_M, led_on, places
+from wallride.sim.world.ball_contour import ENDLESS_M, led_on, places
 
 CELL_M = 0.05
 BOTH_SIDES = pytest.mark.parametrize("side", ["left", "right"])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from sim.world.beams import NO_RETURN_MM, SELF_RETURN_BEAMS, LidarSettings, scan, true_ranges_m
-from sim.world.pose import Pose, Twist
-from sim.world.worlds import load_world
+from wallride.sim.world.beams import NO_RETURN_MM, SELF_RETURN_BEAMS, LidarSettings, scan, true_ranges_m
+from wallride.sim.world.pose import Pose, Twist
+from wallride.sim.world.worlds import load_world
 
 LOOP = load_world("loop")
 PERFECT = LidarSettings(noise_std_m=0.0)

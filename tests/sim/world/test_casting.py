@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.accelerated import Accelerated, UnfitError
-from sim.world import compiled
-from sim.world.fan_cast import FanCast, is_fan
-from sim.world.grid import GridGeometry, cast_cells
-from sim.world.pose import Pose
-from sim.world.segments import SegmentGeometry, box, cast_walls, chain
+from wallride.drivers.accelerated import Accelerated, UnfitError
+from wallride.sim.world import compiled
+from wallride.sim.world.fan_cast import FanCast, is_fan
+from wallride.sim.world.grid import GridGeometry, cast_cells
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.segments import SegmentGeometry, box, cast_walls, chain
 
 FAN_RAD = np.radians(np.linspace(-135.0, 135.0, 1081))
 AGREE_M = 1e-9

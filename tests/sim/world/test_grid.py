@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.world.grid import GridGeometry
-from sim.world.place import World
-from sim.world.pose import CAR, Pose
-from sim.world.segments import SegmentGeometry, box, chain
+from wallride.sim.world.grid import GridGeometry
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import CAR, Pose
+from wallride.sim.world.segments import SegmentGeometry, box, chain
 
 CELL_M = 0.05
 FAN_RAD = np.radians(np.linspace(-135.0, 135.0, 1081))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sim.world.lap import Lap, LapCounter
+from wallride.sim.world.lap import Lap, LapCounter
 
 SQUARE = Lap([(0, 0), (10, 0), (10, 10), (0, 10)])
 

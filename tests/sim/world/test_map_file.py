@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from sim.world import compiled
-from sim.world.grid import GridGeometry
-from sim.world.map_file import load_map, read_occupancy, read_settings
-from sim.world.pose import Pose
+from wallride.sim.world import compiled
+from wallride.sim.world.grid import GridGeometry
+from wallride.sim.world.map_file import load_map, read_occupancy, read_settings
+from wallride.sim.world.pose import Pose
 
 MAPS = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "maps"
 NAMES = ("berlin", "hangar", "itrl", "levine", "skirk", "stata_basement", "track_porto", "vegas")

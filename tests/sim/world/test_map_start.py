@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from sim.world.grid import GridGeometry
-from sim.world.map_start import choose_start
-from sim.world.pose import Pose, side_sign
+from wallride.sim.world.grid import GridGeometry
+from wallride.sim.world.map_start import choose_start
+from wallride.sim.world.pose import Pose, side_sign
 
 CELL_M = 0.05
 BOTH_SIDES = pytest.mark.parametrize("side", ["left", "right"])

@@ -5,9 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from sim.world.obstacles import Box, ConstantMotion, Obstacle, ObstacleWorld, StandingObstacle, person, pole, sudden_box
-from sim.world.pose import CAR, Pose
-from sim.world.worlds import load_world
+from wallride.sim.world.obstacles import (
+    Box,
+    ConstantMotion,
+    Obstacle,
+    ObstacleWorld,
+    StandingObstacle,
+    person,
+    pole,
+    sudden_box,
+)
+from wallride.sim.world.pose import CAR, Pose
+from wallride.sim.world.worlds import load_world
 
 AHEAD = np.array([0.0])
 WORLD = load_world("straight")

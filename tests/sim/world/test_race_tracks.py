@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from sim.world.pose import CAR
-from sim.world.race_tracks import MIN_INNER_RADIUS_M, MIN_RADIUS_M, POINT_EVERY_M, race_track
-from sim.world.worlds import load_world
+from wallride.sim.world.pose import CAR
+from wallride.sim.world.race_tracks import MIN_INNER_RADIUS_M, MIN_RADIUS_M, POINT_EVERY_M, race_track
+from wallride.sim.world.worlds import load_world
 
 SEEDS = range(20)
 

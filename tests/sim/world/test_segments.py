@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.world.pose import CAR, Pose
-from sim.world.segments import SegmentGeometry, box, chain
+from wallride.sim.world.pose import CAR, Pose
+from wallride.sim.world.segments import SegmentGeometry, box, chain
 
 FAN_RAD = np.radians(np.linspace(-135.0, 135.0, 1081))
 

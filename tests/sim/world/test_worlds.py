@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.world.lap import LapCounter
-from sim.world.pose import Pose
-from sim.world.worlds import BUILDERS, load_world
+from wallride.sim.world.lap import LapCounter
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.worlds import BUILDERS, load_world
 
 BOTH_SIDES = pytest.mark.parametrize("side", ["left", "right"])
 EVERY_WORLD = pytest.mark.parametrize("name", BUILDERS)

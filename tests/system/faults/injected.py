@@ -7,7 +7,6 @@ import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
-from drivers.vesc.codec import Packet
 from tests.system.bench import CORRIDOR_MM, Bench
 from tests.system.faults.computer_faults import (
     drop_lidar,
@@ -24,6 +23,7 @@ from tests.system.faults.computer_faults import (
     take_memory_and_drop_lidar,
     unhog_and_clear,
 )
+from wallride.drivers.vesc.codec import Packet
 
 SETTLED_S = 0.15
 """From the first brake on: commands that were on their way are in by now."""

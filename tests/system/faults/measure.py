@@ -19,9 +19,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from runtime.host.scheduling import PRIORITY_VARIABLE
 from tests.system.faults import document
 from tests.system.faults.matrix import INJECTED, MATRIX
+from wallride.runtime.host.scheduling import PRIORITY_VARIABLE
 
 MAX_RUN_S = 1200
 MAX_TEST_S = 150

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from sim.devices.vesc import VescEmulator
 from tests.system.bench import bench
 from tests.system.faults import document, matrix
 from tests.system.faults.injected import INJECTED, VESC_TIMEOUT_S, suffer
 from tests.system.faults.matrix import BY_PERSON, MATRIX, OTHER_LIDARS
 from tests.system.socket_motor import SocketVesc
+from wallride.sim.devices.vesc import VescEmulator
 
 ROWS = {fault.key: fault for fault in MATRIX if fault.test == matrix.INJECTED}
 SEEN = {*map(str, range(1, 16)), *map(str, range(20, 38)), *map(str, range(40, 55)),

@@ -2,8 +2,8 @@
 
 import pytest
 
-from runtime.arbitration.driving_state import DrivingState
-from sim.lab.stories import Story, plug_lidar, plug_motor, pull_lidar, pull_motor, tell
+from wallride.runtime.arbitration.driving_state import DrivingState
+from wallride.sim.lab.stories import Story, plug_lidar, plug_motor, pull_lidar, pull_motor, tell
 
 PULLED_S, BACK_S, ENDS_S = 3.0, 5.0, 7.0
 MOVING = {DrivingState.DRIVING, DrivingState.LIMITED}

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.network import BYTES
-from runtime.wire.ports import free_endpoint
-from runtime.wire.teleop import Press
 from tests.system.faults import document
 from tests.system.operated import CAR, operated
 from tests.system.soak.operator import HAND_MPS, SEND_PERIOD_S, Operator
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import BYTES
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire.teleop import Press
 
 KEY = "process zenoh router dies"
 BOUND_S = 0.25

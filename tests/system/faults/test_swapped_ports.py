@@ -2,9 +2,9 @@
 
 import pytest
 
-from drivers.vesc.codec import Packet, VescDeframer
-from sim.devices.scip import ScipEmulator
 from tests.system.bench import bench
+from wallride.drivers.vesc.codec import Packet, VescDeframer
+from wallride.sim.devices.scip import ScipEmulator
 
 SAID_WITHIN_S = 20.0
 

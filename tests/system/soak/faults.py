@@ -5,10 +5,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from runtime.wire.teleop import Press
 from tests.system.soak.operator import Operator
 from tests.system.soak.oracle import Oracle
 from tests.system.soak.scene import GOOD_VOLTAGE_V, Scene, covered, hand
+from wallride.runtime.wire.teleop import Press
 
 MEAN_PAUSE_S: Final = 10.0
 FAULT_STOP_S: Final = 0.25

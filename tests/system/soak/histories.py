@@ -12,20 +12,20 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Final
 
-from drivers.api import LinkState
-from runtime.app import Car
-from runtime.arbitration.command import Output
-from runtime.control.own_laws import law_class
-from runtime.parameters.update import UnacceptableError
-from runtime.ros import messages
-from runtime.settings.tree import Settings
-from runtime.wire import topics
-from runtime.wire.rmw_zenoh import ROS2_PLANNER, attachment
-from runtime.wire.teleop import Beat, CarCondition, Command, Input, Press, read_beat
-from sim.virtual.devices import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
-from sim.virtual.virtual_time import VirtualTimeLoop, run_virtual
 from tests.system.soak.history_rules import LEASE_S, Judge, Moved
+from wallride.drivers.api import LinkState
 from wallride.laws import Guidance, LawSettings
+from wallride.runtime.app import Car
+from wallride.runtime.arbitration.command import Output
+from wallride.runtime.control.own_laws import law_class
+from wallride.runtime.parameters.update import UnacceptableError
+from wallride.runtime.ros import messages
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.rmw_zenoh import ROS2_PLANNER, attachment
+from wallride.runtime.wire.teleop import Beat, CarCondition, Command, Input, Press, read_beat
+from wallride.sim.virtual.devices import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
+from wallride.sim.virtual.virtual_time import VirtualTimeLoop, run_virtual
 
 STEP_S: Final = 0.0203
 """No divisor of a scan, a beat or a lease, so that events meet them in every phase."""

@@ -5,7 +5,7 @@ import random
 from collections.abc import Callable
 from typing import Final
 
-from runtime.wire.teleop import CarCondition, Command, Input, Press, read_beat
+from wallride.runtime.wire.teleop import CarCondition, Command, Input, Press, read_beat
 
 SEND_PERIOD_S: Final = 0.04
 HAND_MPS: Final = 0.8

@@ -15,13 +15,6 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Final
 
-from runtime.host.scheduling import PRIORITY_VARIABLE
-from runtime.wire import topics, zenoh_config
-from runtime.wire.bus import Bus
-from runtime.wire.network import BYTES
-from runtime.wire.ports import free_endpoint
-from sim.devices.scip import ScipEmulator
-from sim.live.runtime_process import RuntimeProcess
 from tests.system.bench import ROOT
 from tests.system.soak.findings import Findings, Resources
 from tests.system.soak.oracle import Oracle, Promises
@@ -33,6 +26,13 @@ from tests.system.soak.surroundings import (
     VESC_TIMEOUT_S,
     SoakSurroundings,
 )
+from wallride.runtime.host.scheduling import PRIORITY_VARIABLE
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.network import BYTES
+from wallride.runtime.wire.ports import free_endpoint
+from wallride.sim.devices.scip import ScipEmulator
+from wallride.sim.live.runtime_process import RuntimeProcess
 
 PROMISES: Final = Promises(
     obeyed_s=0.1, tick_s=0.05, scan_s=0.15, silence_s=0.25, slack_s=0.05, auto_mps=AUTO_MPS, stuck_s=120.0

@@ -13,18 +13,18 @@ from typing import Final
 
 import numpy as np
 
-from drivers.api import Clock, LinkLost
-from drivers.vesc.codec import Packet, VescDeframer
-from drivers.vesc.settings import VescSettings
-from sim.car.plant import Plant
-from sim.car.vehicle import Vehicle
-from sim.devices.scip import ScipEmulator
-from sim.devices.vesc import VescEmulator
-from sim.virtual.closed_loop import ROUGH_BEAMS
-from sim.world.beams import Millimetres, scan
-from sim.world.obstacles import ObstacleWorld
-from sim.world.worlds import load_world
 from tests.system.socket_motor import SocketVesc
+from wallride.drivers.api import Clock, LinkLost
+from wallride.drivers.vesc.codec import Packet, VescDeframer
+from wallride.drivers.vesc.settings import VescSettings
+from wallride.sim.car.plant import Plant
+from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.devices.scip import ScipEmulator
+from wallride.sim.devices.vesc import VescEmulator
+from wallride.sim.virtual.closed_loop import ROUGH_BEAMS
+from wallride.sim.world.beams import Millimetres, scan
+from wallride.sim.world.obstacles import ObstacleWorld
+from wallride.sim.world.worlds import load_world
 
 SCAN_PERIOD_S: Final = 0.02503
 """Not exactly 40 Hz, as with a real motor: the scans pass through every phase of the car's timers."""

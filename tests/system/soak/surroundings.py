@@ -6,14 +6,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Final
 
-from drivers.api import Clock
-from runtime.wire.teleop import Press
-from sim.devices.scip import ScipEmulator
 from tests.system.soak.faults import Injector
 from tests.system.soak.findings import Findings
 from tests.system.soak.operator import SEND_PERIOD_S, Operator
 from tests.system.soak.oracle import Oracle
 from tests.system.soak.scene import SCAN_PERIOD_S, Scene, WitnessedVesc
+from wallride.drivers.api import Clock
+from wallride.runtime.wire.teleop import Press
+from wallride.sim.devices.scip import ScipEmulator
 
 AUTO_MPS: Final = 1.5
 FIRST_FAULT_S: Final = 5.0

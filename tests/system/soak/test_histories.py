@@ -5,15 +5,15 @@ The 20,000 are `python -m benchmarks.histories`.
 
 import pytest
 
-from runtime.arbitration.command import consent
-from runtime.arbitration.emergency_stop import EmergencyStop
-from runtime.control.own_laws.runner import LawRunner
-from runtime.teleop import planners
-from runtime.teleop.commands import TeleopStatements
-from runtime.teleop.desk import OperatorDesk
-from runtime.teleop.freshness import Beats
 from tests.system.soak.histories import EVENTS, PLANNERS, tell
 from tests.system.soak.history_rules import AUTONOMY, MANUAL, Judge, Moved
+from wallride.runtime.arbitration.command import consent
+from wallride.runtime.arbitration.emergency_stop import EmergencyStop
+from wallride.runtime.control.own_laws.runner import LawRunner
+from wallride.runtime.teleop import planners
+from wallride.runtime.teleop.commands import TeleopStatements
+from wallride.runtime.teleop.desk import OperatorDesk
+from wallride.runtime.teleop.freshness import Beats
 
 LATE_S = 0.5
 PERMIT = "autonomy without a fresh permit after the last incident"

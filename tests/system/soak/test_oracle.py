@@ -4,23 +4,23 @@ import math
 
 import pytest
 
-from drivers.vesc import codec
-from drivers.vesc.calibration import Calibration
-from drivers.vesc.condition import VescMonitor
-from drivers.vesc.driver import Vesc
-from runtime.arbitration import command, driving_state
-from runtime.arbitration.command_queue import CommandQueue
-from runtime.arbitration.emergency_stop import EmergencyStop
-from runtime.arbitration.queues import NEVER_S
-from runtime.control.limiter import Limiter
-from runtime.control.perception.plausibility import Plausibility
-from runtime.tasks.battery import BatteryLimit
-from runtime.tasks.health import HealthMonitor
-from runtime.tasks.mux import SilenceTick
-from runtime.teleop.desk import OperatorDesk
-from runtime.wire.teleop import Press
 from tests.system.soak.oracle import AUTONOMY, RESET, SET_RPM, SET_SERVO_POS, Oracle, Promises
 from tests.system.soak.virtual import suffer
+from wallride.drivers.vesc import codec
+from wallride.drivers.vesc.calibration import Calibration
+from wallride.drivers.vesc.condition import VescMonitor
+from wallride.drivers.vesc.driver import Vesc
+from wallride.runtime.arbitration import command, driving_state
+from wallride.runtime.arbitration.command_queue import CommandQueue
+from wallride.runtime.arbitration.emergency_stop import EmergencyStop
+from wallride.runtime.arbitration.queues import NEVER_S
+from wallride.runtime.control.limiter import Limiter
+from wallride.runtime.control.perception.plausibility import Plausibility
+from wallride.runtime.tasks.battery import BatteryLimit
+from wallride.runtime.tasks.health import HealthMonitor
+from wallride.runtime.tasks.mux import SilenceTick
+from wallride.runtime.teleop.desk import OperatorDesk
+from wallride.runtime.wire.teleop import Press
 
 
 def never_expires(patch):

@@ -12,15 +12,6 @@ from pathlib import Path
 from typing import Any, Final
 from unittest import mock
 
-from drivers.hokuyo.driver import Hokuyo
-from drivers.link import ByteLink
-from drivers.vesc.driver import Vesc
-from runtime.app import Car, CarSurroundings
-from runtime.realtime.scan_phase import ScanPhase
-from runtime.settings.tree import Settings
-from runtime.wire import topics
-from sim.virtual.devices import MemoryBus
-from sim.virtual.virtual_time import VirtualTimeLoop, run_virtual
 from tests.system.soak.findings import Findings
 from tests.system.soak.oracle import Judged, Oracle, Promises
 from tests.system.soak.scene import WIRING, MemoryLidar, MemoryVesc, Scene
@@ -31,6 +22,15 @@ from tests.system.soak.surroundings import (
     VESC_TIMEOUT_S,
     SoakSurroundings,
 )
+from wallride.drivers.hokuyo.driver import Hokuyo
+from wallride.drivers.link import ByteLink
+from wallride.drivers.vesc.driver import Vesc
+from wallride.runtime.app import Car, CarSurroundings
+from wallride.runtime.realtime.scan_phase import ScanPhase
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.wire import topics
+from wallride.sim.virtual.devices import MemoryBus
+from wallride.sim.virtual.virtual_time import VirtualTimeLoop, run_virtual
 
 ENDING_S: Final = 3.0
 
@@ -167,7 +167,10 @@ def _memory_ports(lidar: MemoryLidar, vesc: MemoryVesc):
         return open_link
 
     with ExitStack() as stack:
-        for module, connect in (("drivers.hokuyo.driver", lidar.connect), ("drivers.vesc.driver", vesc.connect)):
+        for module, connect in (
+            ("wallride.drivers.hokuyo.driver", lidar.connect),
+            ("wallride.drivers.vesc.driver", vesc.connect),
+        ):
             stack.enter_context(mock.patch(f"{module}.open_link", opener(connect)))
         yield
 

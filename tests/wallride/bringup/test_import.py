@@ -4,10 +4,10 @@ import tomllib
 
 import pytest
 
-from runtime.settings.tree import load_settings
 from wallride.bringup.import_options import KINDS
 from wallride.bringup.ros_mapping import RosParameter, convert, parameters
 from wallride.cli import main
+from wallride.runtime.settings.tree import load_settings
 from wallride.service.parts import shipped
 
 ROS_2 = """

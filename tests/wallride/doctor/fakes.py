@@ -4,8 +4,8 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from runtime.settings.tree import load_settings
 from wallride.doctor.computer import Computer
+from wallride.runtime.settings.tree import load_settings
 
 NOW = datetime(2026, 12, 1, 12, tzinfo=UTC).timestamp()
 ROOT = Path(__file__).parents[3]

@@ -4,11 +4,11 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from clients.keys.folder import KeyFolder
-from runtime.wire.zenoh_config import Person, Role
 from tests.wallride.doctor.fakes import NOW, changed, healthy, settings
+from wallride.clients.keys.folder import KeyFolder
 from wallride.doctor.access import check_access
 from wallride.doctor.findings import Level
+from wallride.runtime.wire.zenoh_config import Person, Role
 
 MADE = datetime.fromtimestamp(NOW, UTC)
 

@@ -7,12 +7,12 @@ from contextlib import asynccontextmanager
 
 import pytest
 
-from sim.live.runtime_process import WallrideProcess
 from wallride.bringup import doctor_options
 from wallride.cli import main
 from wallride.doctor import examine
 from wallride.doctor.findings import Level, fail, ok, warn, worst
 from wallride.doctor.report import EXIT_CODES, as_json, exit_code, line, summary
+from wallride.sim.live.runtime_process import WallrideProcess
 
 DEVICES = ["--only", "ports", "--only", "lidar", "--only", "motor"]
 

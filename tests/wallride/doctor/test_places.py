@@ -2,9 +2,9 @@
 
 import pytest
 
-from runtime.settings.tree import load_settings
 from wallride.cli import main
 from wallride.doctor.places import colliding_places
+from wallride.runtime.settings.tree import load_settings
 
 SAME, INSIDE = "are the same", "in which nothing else is written"
 

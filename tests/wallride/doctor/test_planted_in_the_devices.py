@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from sim.world.beams import LidarSettings
 from tests.sim.live.emulated import car, running
 from tests.wallride.doctor.fakes import changed, healthy, link, settings
 from wallride.doctor.examine import examine
 from wallride.doctor.findings import Level
 from wallride.doctor.lidar import judge_lidar, look_at_lidar
 from wallride.doctor.wheels_up import measure_wheels_up
+from wallride.sim.world.beams import LidarSettings
 
 DEVICES = ("ports", "lidar", "motor", "access", "joystick", "computer")
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from runtime.settings.tree import Settings, load_settings
 from wallride.cli import main
 from wallride.doctor.slow_speeds import SPEEDS, too_slow_to_turn
+from wallride.runtime.settings.tree import Settings, load_settings
 
 
 def test_the_defaults_turn_the_motor():

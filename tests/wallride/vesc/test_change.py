@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from drivers.address import parse_address
-from drivers.link import open_link
-from drivers.vesc import codec, settings_link
-from drivers.vesc.app_config import change_app_config, decode_app_config
-from sim.devices.vesc import VescEmulator
 from tests.wallride.doctor.fakes import changed, healthy, link, settings
+from wallride.drivers.address import parse_address
+from wallride.drivers.link import open_link
+from wallride.drivers.vesc import codec, settings_link
+from wallride.drivers.vesc.app_config import change_app_config, decode_app_config
+from wallride.sim.devices.vesc import VescEmulator
 from wallride.vesc import change, standstill
 from wallride.vesc.change import SettingsWish, VescAccess, VescChangeError, recommended
 from wallride.vesc.port import refuse_taken_port

@@ -7,17 +7,17 @@ import signal
 import numpy as np
 import pytest
 
-from drivers.api import MotorState, Scan
-from runtime.arbitration.command import Source, arbitrate, consent
-from runtime.control.own_laws import runner
-from runtime.host.stop_signals import STOP_SIGNALS, StopSignals
-from runtime.live_stack import REQUIRED, LiveStack
-from runtime.parameters.catalogue import catalogue, values
-from runtime.parameters.update import UnacceptableError, plan
-from runtime.recording.decision_log import DecisionLog
-from runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
-from sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
 from tests.own_laws import EASY, HEAD, INIT, STRAIGHT, follow, law_file, limit
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.arbitration.command import Source, arbitrate, consent
+from wallride.runtime.control.own_laws import runner
+from wallride.runtime.host.stop_signals import STOP_SIGNALS, StopSignals
+from wallride.runtime.live_stack import REQUIRED, LiveStack
+from wallride.runtime.parameters.catalogue import catalogue, values
+from wallride.runtime.parameters.update import UnacceptableError, plan
+from wallride.runtime.recording.decision_log import DecisionLog
+from wallride.runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
+from wallride.sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
 
 __all__ = ["law_file"]
 ROLLING = MotorState(100.0, 1.0, 0.0, 0.1, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)

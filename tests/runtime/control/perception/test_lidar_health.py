@@ -5,12 +5,19 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import MotorState, Scan
-from runtime.control.perception.lidar_health import LidarHealth
-from runtime.control.perception.lidar_health_settings import LidarHealthSettings
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.perception.window_dirt import beside_echoes, patches, runs, runs_longer_than, runs_with, stands_out
-from runtime.control.vehicle import CarSettings
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.control.perception.lidar_health import LidarHealth
+from wallride.runtime.control.perception.lidar_health_settings import LidarHealthSettings
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.perception.window_dirt import (
+    beside_echoes,
+    patches,
+    runs,
+    runs_longer_than,
+    runs_with,
+    stands_out,
+)
+from wallride.runtime.control.vehicle import CarSettings
 
 BEAMS = 1081
 STEP_RAD = math.radians(0.25)

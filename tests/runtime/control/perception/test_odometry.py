@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.api import MotorState
-from runtime.control.perception.odometry import Odometry
+from wallride.drivers.api import MotorState
+from wallride.runtime.control.perception.odometry import Odometry
 
 STATE = MotorState(0.0, 1.0, 0.0, 0.0, 11.8, 0.0, 0.0, 25.0, "", timed_out=False, killed=False)
 

@@ -5,19 +5,19 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import MotorState, Scan
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.own_parts import MIN_THROUGH_SCANS, PART_RIM_BEAMS, KnownParts, OwnParts
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.safety.swept import SweptAssessment, SweptGuard
-from runtime.control.safety.swept_settings import SweptSettings
-from runtime.control.vehicle import CarSettings
-from sim.virtual.closed_loop import as_scan
-from sim.world.beams import LidarSettings, scan
-from sim.world.obstacles import Box, ConstantMotion, Obstacle, ObstacleWorld, Round, StandingObstacle
-from sim.world.own_parts import KINDS
-from sim.world.pose import STANDING, Pose
-from sim.world.worlds import load_world
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.own_parts import MIN_THROUGH_SCANS, PART_RIM_BEAMS, KnownParts, OwnParts
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.safety.swept import SweptAssessment, SweptGuard
+from wallride.runtime.control.safety.swept_settings import SweptSettings
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.virtual.closed_loop import as_scan
+from wallride.sim.world.beams import LidarSettings, scan
+from wallride.sim.world.obstacles import Box, ConstantMotion, Obstacle, ObstacleWorld, Round, StandingObstacle
+from wallride.sim.world.own_parts import KINDS
+from wallride.sim.world.pose import STANDING, Pose
+from wallride.sim.world.worlds import load_world
 
 CAR = CarSettings()
 STEP_M = 0.02

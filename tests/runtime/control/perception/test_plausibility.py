@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.api import MotorState, Scan
-from runtime.control.live_laws import LiveLaws
-from runtime.control.perception.plausibility import (
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.perception.plausibility import (
     BACKWARDS,
     FROZEN,
     STANDS_FOR_S,
@@ -17,15 +17,15 @@ from runtime.control.perception.plausibility import (
     WRONG_SCALE,
     Plausibility,
 )
-from runtime.control.perception.scan_shift import Agreement, compare_shift
-from runtime.control.vehicle import CarSettings
-from runtime.settings.tree import load_settings
-from sim.lab.recorded.scan_motion import motion_of
-from sim.recordings import load_recording
-from sim.virtual.closed_loop import as_scan
-from sim.world.beams import LidarSettings, scan
-from sim.world.pose import Pose, Twist
-from sim.world.worlds import load_world
+from wallride.runtime.control.perception.scan_shift import Agreement, compare_shift
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.settings.tree import load_settings
+from wallride.sim.lab.recorded.scan_motion import motion_of
+from wallride.sim.recordings import load_recording
+from wallride.sim.virtual.closed_loop import as_scan
+from wallride.sim.world.beams import LidarSettings, scan
+from wallride.sim.world.pose import Pose, Twist
+from wallride.sim.world.worlds import load_world
 
 CAR = CarSettings()
 PERIOD_S = 0.025

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import Scan
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.scan_matching import MatchedOdometry, ScanPose, match, surfaces_of
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.vehicle import CarSettings
+from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.scan_matching import MatchedOdometry, ScanPose, match, surfaces_of
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
 STEP_RAD = math.radians(0.25)

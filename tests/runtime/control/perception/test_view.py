@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import Scan
-from runtime.control.perception.view import PerceptionCache, supported, thin_dirt, trails
-from runtime.control.vehicle import CarSettings
+from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.view import PerceptionCache, supported, thin_dirt, trails
+from wallride.runtime.control.vehicle import CarSettings
 
 BEAMS = 1081
 STEP_RAD = math.radians(0.25)

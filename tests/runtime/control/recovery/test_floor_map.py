@@ -6,14 +6,14 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import Scan
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.recovery.floor_map import CELL_M, HALF_CELLS, blocked_floor
-from runtime.control.safety.body import Body
-from runtime.control.safety.rear_memory import RememberedView
-from runtime.control.safety.swept_settings import SweptSettings
-from runtime.control.vehicle import CarSettings
-from sim.world.segments import SegmentGeometry, box
+from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.recovery.floor_map import CELL_M, HALF_CELLS, blocked_floor
+from wallride.runtime.control.safety.body import Body
+from wallride.runtime.control.safety.rear_memory import RememberedView
+from wallride.runtime.control.safety.swept_settings import SweptSettings
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.world.segments import SegmentGeometry, box
 
 CAR = CarSettings()
 BARE = Body(SweptSettings(), CAR).bare

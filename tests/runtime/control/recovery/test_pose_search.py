@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from runtime.control.recovery.floor_map import CELL_M, CELLS, HALF_CELLS
-from runtime.control.recovery.pose_search import MIN_GOAL_M, NO_WAY, Goal, PoseSearch
-from runtime.control.safety.body import Body
-from runtime.control.safety.swept_settings import SweptSettings
-from runtime.control.vehicle import CarSettings
+from wallride.runtime.control.recovery.floor_map import CELL_M, CELLS, HALF_CELLS
+from wallride.runtime.control.recovery.pose_search import MIN_GOAL_M, NO_WAY, Goal, PoseSearch
+from wallride.runtime.control.safety.body import Body
+from wallride.runtime.control.safety.swept_settings import SweptSettings
+from wallride.runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
 BODY = Body(SweptSettings(), CAR)

@@ -5,19 +5,19 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import Drive, MotorState, Scan
-from runtime.arbitration.command import DriveCommand, Output, Source, SpeedLimit, arbitrate
-from runtime.control.guidance import Guidance
-from runtime.control.live_laws import LiveLaws
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.recovery.recovering_follower import RecoveringFollower
-from runtime.control.recovery.way_out import ASKS_AFTER_S, DISBELIEF, HELP, Recovery
-from runtime.control.safety.swept import SweptGuard
-from runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
-from runtime.control.vehicle import CarSettings
-from runtime.settings.tree import Settings
-from runtime.telemetry.status import decision_fields
-from sim.world.segments import SegmentGeometry, box
+from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.runtime.arbitration.command import DriveCommand, Output, Source, SpeedLimit, arbitrate
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.recovery.recovering_follower import RecoveringFollower
+from wallride.runtime.control.recovery.way_out import ASKS_AFTER_S, DISBELIEF, HELP, Recovery
+from wallride.runtime.control.safety.swept import SweptGuard
+from wallride.runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.settings.tree import Settings
+from wallride.runtime.telemetry.status import decision_fields
+from wallride.sim.world.segments import SegmentGeometry, box
 
 CAR = CarSettings()
 STEP_RAD = math.radians(0.25)

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from runtime.control.recovery.traffic import HIDDEN_S, MOVED_M, MOVED_S, SETTLED_S, Traffic
+from wallride.runtime.control.recovery.traffic import HIDDEN_S, MOVED_M, MOVED_S, SETTLED_S, Traffic
 
 SCAN_S = 0.025
 

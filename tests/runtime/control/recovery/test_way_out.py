@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.api import Drive, MotorState, Scan
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.recovery.traffic import SETTLED_S
-from runtime.control.recovery.way_out import DISBELIEF, HELP, NO_ADVICE, TRAFFIC, Recovery
-from runtime.control.safety.swept import SweptGuard
-from runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
-from runtime.control.vehicle import CarSettings
-from sim.world.pose import CAR as OUTLINE
-from sim.world.pose import Pose
-from sim.world.segments import SegmentGeometry, box
+from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.recovery.traffic import SETTLED_S
+from wallride.runtime.control.recovery.way_out import DISBELIEF, HELP, NO_ADVICE, TRAFFIC, Recovery
+from wallride.runtime.control.safety.swept import SweptGuard
+from wallride.runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.world.pose import CAR as OUTLINE
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.segments import SegmentGeometry, box
 
 CAR = CarSettings()
 STEP_RAD = math.radians(0.25)

@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import Drive, Scan
-from runtime.control.own_laws.api import LawScan, LawState
-from runtime.control.report.laws import ReportFollower, ReportGuard, ReportTurn
-from runtime.control.report.measures import mean_of_nearest_m, range_ahead_m
-from runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
-from runtime.control.vehicle import CarSettings
-from sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
+from wallride.drivers.api import Drive, Scan
 from wallride.new.pd_follower import PdFollower, PdSettings
+from wallride.runtime.control.own_laws.api import LawScan, LawState
+from wallride.runtime.control.report.laws import ReportFollower, ReportGuard, ReportTurn
+from wallride.runtime.control.report.measures import mean_of_nearest_m, range_ahead_m
+from wallride.runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
 
 BEARING_RAD = (np.arange(BEAMS) - BEAMS // 2) * STEP_RAD
 

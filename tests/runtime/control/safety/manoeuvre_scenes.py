@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from runtime.control.safety.emergency_manoeuvre import (
+from tests.runtime.control.safety.swept_scenes import CAR, SETTINGS
+from wallride.runtime.control.safety.emergency_manoeuvre import (
     FULL_BRAKE,
     EmergencyState,
     candidates,
     choose,
 )
-from runtime.control.safety.manoeuvre_rollout import RolloutStart, latency_path, roll_out
-from runtime.control.safety.stopping import GRAVITY_MPS2
-from tests.runtime.control.safety.swept_scenes import CAR, SETTINGS
+from wallride.runtime.control.safety.manoeuvre_rollout import RolloutStart, latency_path, roll_out
+from wallride.runtime.control.safety.stopping import GRAVITY_MPS2
 
 GRIPS_MPS2 = 0.8 * GRAVITY_MPS2, 0.5 * GRAVITY_MPS2
 NO_PAST = np.zeros(30)

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from drivers.api import MotorState, Scan
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.safety.swept import SweptGuard
-from runtime.control.safety.swept_settings import SweptSettings
-from runtime.control.vehicle import CarSettings
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.safety.swept import SweptGuard
+from wallride.runtime.control.safety.swept_settings import SweptSettings
+from wallride.runtime.control.vehicle import CarSettings
 
 BEAMS = 1081
 STEP_RAD = math.radians(0.25)

@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import runtime
-from drivers.api import MotorState
-from runtime.control.live_laws import LiveLaws
-from runtime.control.safety.swept import SweptAssessment
-from runtime.settings.tree import load_settings
-from sim.virtual.devices import ranges_between_walls
+import wallride.runtime
 from tests.own_laws import EASY, law_file
 from tests.runtime.observed import HandClock, scan_at
 from tests.runtime.reachable import reachable
+from wallride.drivers.api import MotorState
+from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.safety.swept import SweptAssessment
+from wallride.runtime.settings.tree import load_settings
+from wallride.sim.virtual.devices import ranges_between_walls
 
 __all__ = ["law_file"]
 SCANS = 12
@@ -68,6 +68,6 @@ def test_a_question_leaves_no_trace_under_an_own_law(law_file):
 
 
 def test_all_but_the_rule_of_the_mux_ask():
-    root = Path(runtime.__file__).parent
+    root = Path(wallride.runtime.__file__).parent
     judging = re.compile(r"(assessment|outlook|guard)\.limit\(")
     assert {str(path.relative_to(root)) for path in root.rglob("*.py") if judging.search(path.read_text())} == JUDGES

@@ -5,17 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import Drive
-from runtime.control.guidance import Guidance
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.safety.swept import SweptGuard
-from runtime.control.safety.swept_settings import SweptSettings
-from runtime.control.vehicle import CarSettings
-from sim.car.vehicle import VehicleSettings
-from sim.virtual.closed_loop import Case, drive
-from sim.world.place import World
-from sim.world.pose import Pose
-from sim.world.segments import SegmentGeometry
+from wallride.drivers.api import Drive
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.safety.swept import SweptGuard
+from wallride.runtime.control.safety.swept_settings import SweptSettings
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.virtual.closed_loop import Case, drive
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.segments import SegmentGeometry
 
 CAR = CarSettings()
 HALL_AND_LANE_M = np.array(

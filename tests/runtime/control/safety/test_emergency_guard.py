@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from runtime.control.safety import emergency
-from runtime.control.safety.footprint import Outline
 from tests.runtime.control.safety.manoeuvre_scenes import (
     GRIPS_MPS2,
     LOCK_RAD,
 )
 from tests.runtime.control.safety.swept_scenes import CAR, FRONT_M, SETTINGS, Car, wall_at, world
+from wallride.runtime.control.safety import emergency
+from wallride.runtime.control.safety.footprint import Outline
 
 
 def slanted(distance_m, toward_rad, sign=1):

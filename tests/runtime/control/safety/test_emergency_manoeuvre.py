@@ -5,16 +5,6 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from runtime.control.safety.emergency_manoeuvre import (
-    FULL_BRAKE,
-    EmergencyState,
-    Manoeuvre,
-    Outcome,
-    best_of,
-    candidates,
-    choose,
-)
-from runtime.control.safety.manoeuvre_rollout import distance_m
 from tests.runtime.control.safety.manoeuvre_scenes import (
     GRIPS_MPS2,
     LOCK_RAD,
@@ -26,6 +16,16 @@ from tests.runtime.control.safety.manoeuvre_scenes import (
     start,
 )
 from tests.runtime.control.safety.swept_scenes import CAR, SETTINGS
+from wallride.runtime.control.safety.emergency_manoeuvre import (
+    FULL_BRAKE,
+    EmergencyState,
+    Manoeuvre,
+    Outcome,
+    best_of,
+    candidates,
+    choose,
+)
+from wallride.runtime.control.safety.manoeuvre_rollout import distance_m
 
 
 @pytest.mark.parametrize("wish_rad", [0.0, LOCK_RAD, -LOCK_RAD])

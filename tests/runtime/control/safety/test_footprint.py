@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from runtime.control.safety.footprint import Outline, PathMotion, arc, first_contact
+from wallride.runtime.control.safety.footprint import Outline, PathMotion, arc, first_contact
 
 
 def complexes(places):

@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from runtime.control.safety.emergency_manoeuvre import (
+from tests.runtime.control.safety.manoeuvre_scenes import GRIPS_MPS2, box, situation
+from wallride.runtime.control.safety.emergency_manoeuvre import (
     CLEARLY_M,
     CLEARLY_MPS,
     FULL_BRAKE,
@@ -19,8 +20,7 @@ from runtime.control.safety.emergency_manoeuvre import (
     is_clearly_better,
     never_harder,
 )
-from runtime.control.safety.manoeuvre_rollout import MAX_ROOM_M, TINY
-from tests.runtime.control.safety.manoeuvre_scenes import GRIPS_MPS2, box, situation
+from wallride.runtime.control.safety.manoeuvre_rollout import MAX_ROOM_M, TINY
 
 WISH_RAD = 0.3
 OWN = Manoeuvre(WISH_RAD, 2.0)
@@ -88,8 +88,8 @@ def test_a_brake_with_room_enough_is_all_that_is_rolled_out():
 
 
 def test_the_end_of_the_room_counts_as_enough(monkeypatch):
-    monkeypatch.setattr("runtime.control.safety.emergency_manoeuvre.MAX_ROOM_M", 0.5)
-    monkeypatch.setattr("runtime.control.safety.emergency_manoeuvre.CLEARLY_M", 0.25)
+    monkeypatch.setattr("wallride.runtime.control.safety.emergency_manoeuvre.MAX_ROOM_M", 0.5)
+    monkeypatch.setattr("wallride.runtime.control.safety.emergency_manoeuvre.CLEARLY_M", 0.25)
     here = Predicted(outcome(FULL_BRAKE, (0.0, 0.0), 0.25), outcome(OWN, (0.0, 0.0), 0.5))
     assert here.best() == FULL_BRAKE
     assert len(here.asked) == 1

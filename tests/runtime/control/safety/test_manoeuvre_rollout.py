@@ -6,13 +6,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from runtime.control.safety.emergency_manoeuvre import (
-    Manoeuvre,
-)
-from runtime.control.safety.manoeuvre_rollout import STEP_S, distance_m, slide
-from runtime.control.safety.stopping import GRAVITY_MPS2
-from sim.car.vehicle import SpeedDemand, Vehicle, VehicleSettings
-from sim.world.pose import Pose
 from tests.runtime.control.safety.manoeuvre_scenes import (
     GRIPS_MPS2,
     LOCK_RAD,
@@ -23,6 +16,13 @@ from tests.runtime.control.safety.manoeuvre_scenes import (
     start,
 )
 from tests.runtime.control.safety.swept_scenes import CAR
+from wallride.runtime.control.safety.emergency_manoeuvre import (
+    Manoeuvre,
+)
+from wallride.runtime.control.safety.manoeuvre_rollout import STEP_S, distance_m, slide
+from wallride.runtime.control.safety.stopping import GRAVITY_MPS2
+from wallride.sim.car.vehicle import SpeedDemand, Vehicle, VehicleSettings
+from wallride.sim.world.pose import Pose
 
 
 @pytest.mark.parametrize("grip_mps2", GRIPS_MPS2)

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import Scan
-from runtime.control.perception.geometry import NOWHERE
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.safety.moving_obstacles import (
+from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.geometry import NOWHERE
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.safety.moving_obstacles import (
     CARRIED_S,
     MAX_THINGS,
     SEEN_SCANS,
@@ -17,7 +17,7 @@ from runtime.control.safety.moving_obstacles import (
     MovingObstacles,
     find_small_clusters,
 )
-from runtime.control.vehicle import CarSettings
+from wallride.runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
 STEP_RAD = math.radians(0.25)

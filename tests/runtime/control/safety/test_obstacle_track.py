@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import Scan
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.safety.obstacle_track import MAX_SPEED_MPS, MotionBounds, ObstacleTrack, ScanLook
-from runtime.control.vehicle import CarSettings
+from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.safety.obstacle_track import MAX_SPEED_MPS, MotionBounds, ObstacleTrack, ScanLook
+from wallride.runtime.control.vehicle import CarSettings
 
 STEP_RAD = math.radians(0.25)
 SCAN_S = 0.025

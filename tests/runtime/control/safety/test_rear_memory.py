@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import Scan
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.safety.rear_memory import TRACK_FOR_S, TRACK_M, RearMemory
-from runtime.control.vehicle import CarSettings
+from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.safety.rear_memory import TRACK_FOR_S, TRACK_M, RearMemory
+from wallride.runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
 STEP_RAD = math.radians(0.25)

@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.safety.silence_borders import Border, Borders
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.safety.silence_borders import Border, Borders
 
 LIDAR_X_M = 0.27
 BEAM_RAD = math.radians(0.25)

@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.safety.moving_obstacles import MovingObstacles
-from runtime.control.vehicle import CarSettings
-from sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
-from sim.world.beams import scan
-from sim.world.obstacles import ConstantMotion, Obstacle, ObstacleWorld, Round, StandingObstacle
-from sim.world.pose import Pose, Twist
-from sim.world.worlds import load_world
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.safety.moving_obstacles import MovingObstacles
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
+from wallride.sim.world.beams import scan
+from wallride.sim.world.obstacles import ConstantMotion, Obstacle, ObstacleWorld, Round, StandingObstacle
+from wallride.sim.world.pose import Pose, Twist
+from wallride.sim.world.worlds import load_world
 
 CAR = CarSettings()
 SCAN_S = 0.025

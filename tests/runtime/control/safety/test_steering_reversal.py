@@ -2,7 +2,7 @@
 
 import pytest
 
-from runtime.control.safety.steering_reversal import SteeringReversal
+from wallride.runtime.control.safety.steering_reversal import SteeringReversal
 
 JUMP_RAD = 0.2
 

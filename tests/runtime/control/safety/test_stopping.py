@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.control.safety.stopping import (
+from wallride.runtime.control.safety.stopping import (
     GRAVITY_MPS2,
     SlidingSpeed,
     brake_beside_turning_mps2,

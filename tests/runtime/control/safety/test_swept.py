@@ -5,10 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from runtime.control.safety import swept_path
-from runtime.control.safety.footprint import contact_on_arc
-from runtime.control.safety.stopping import GRAVITY_MPS2, speed_to_stop_within_mps, stopping_distance_m
-from runtime.control.safety.swept_path import Strip
 from tests.runtime.control.safety.swept_scenes import (
     FRONT_M,
     REACTION_S,
@@ -17,6 +13,10 @@ from tests.runtime.control.safety.swept_scenes import (
     wall_at,
     world,
 )
+from wallride.runtime.control.safety import swept_path
+from wallride.runtime.control.safety.footprint import contact_on_arc
+from wallride.runtime.control.safety.stopping import GRAVITY_MPS2, speed_to_stop_within_mps, stopping_distance_m
+from wallride.runtime.control.safety.swept_path import Strip
 
 GRADED_MPS2 = 0.45 * 0.8 * GRAVITY_MPS2
 

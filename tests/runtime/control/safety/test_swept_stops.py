@@ -4,7 +4,6 @@ import math
 
 import pytest
 
-from runtime.control.safety.stopping import GRAVITY_MPS2, stopping_distance_m
 from tests.runtime.control.safety.swept_scenes import (
     FRONT_M,
     REACTION_S,
@@ -14,6 +13,7 @@ from tests.runtime.control.safety.swept_scenes import (
     wall_at,
     world,
 )
+from wallride.runtime.control.safety.stopping import GRAVITY_MPS2, stopping_distance_m
 
 BESIDE_A_POST = world((1.3, -0.3, 1.3, -0.1))
 """A post that the car can pass on the left, but not on the right."""

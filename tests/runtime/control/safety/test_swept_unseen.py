@@ -5,9 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import Scan
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.safety.no_return_regions import find_dark_regions
 from tests.runtime.control.safety.swept_scenes import (
     BEAMS,
     CAR,
@@ -18,6 +15,9 @@ from tests.runtime.control.safety.swept_scenes import (
     wall_at,
     world,
 )
+from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.safety.no_return_regions import find_dark_regions
 
 
 def darkened(from_m, to_m, left_m, right_m, middle=540, half=60):

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.api import Scan
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.safety.footprint import ENOUGH_POINTS
-from runtime.control.safety.thin_obstacles import SCANS, ThinObstacles
-from runtime.control.vehicle import CarSettings
+from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.safety.footprint import ENOUGH_POINTS
+from wallride.runtime.control.safety.thin_obstacles import SCANS, ThinObstacles
+from wallride.runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
 STEP_RAD = math.radians(0.25)

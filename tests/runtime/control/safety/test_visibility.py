@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import MotorState, Scan
-from runtime.control.perception.odometry import OdometryState
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.safety.lidar_sectors import BLIND, DEPTH, MISSING, SEEN, UNPROVEN
-from runtime.control.safety.swept import SweptGuard
-from runtime.control.safety.swept_settings import SweptSettings
-from runtime.control.safety.unknown_regions import CRAWL_MPS
-from runtime.control.safety.visibility import Visibility, crosses_within
-from runtime.control.vehicle import CarSettings
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.safety.lidar_sectors import BLIND, DEPTH, MISSING, SEEN, UNPROVEN
+from wallride.runtime.control.safety.swept import SweptGuard
+from wallride.runtime.control.safety.swept_settings import SweptSettings
+from wallride.runtime.control.safety.unknown_regions import CRAWL_MPS
+from wallride.runtime.control.safety.visibility import Visibility, crosses_within
+from wallride.runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
 BEARING_DEG = np.linspace(-135.0, 135.0, 1081)

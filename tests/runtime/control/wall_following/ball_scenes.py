@@ -4,16 +4,16 @@ import math
 
 import numpy as np
 
-from drivers.api import MotorState, Scan
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.vehicle import CarSettings
-from runtime.control.wall_following.ball import BallFollower
-from runtime.control.wall_following.ball_law import Aim, Steered, look_aheads_m, pursuit_steering
-from runtime.control.wall_following.ball_path import RADII_M, BallPath
-from runtime.control.wall_following.ball_settings import BallSettings
-from sim.world.beams import LidarSettings, true_ranges_m
-from sim.world.pose import Pose, Twist
-from sim.world.worlds import load_world
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.wall_following.ball import BallFollower
+from wallride.runtime.control.wall_following.ball_law import Aim, Steered, look_aheads_m, pursuit_steering
+from wallride.runtime.control.wall_following.ball_path import RADII_M, BallPath
+from wallride.runtime.control.wall_following.ball_settings import BallSettings
+from wallride.sim.world.beams import LidarSettings, true_ranges_m
+from wallride.sim.world.pose import Pose, Twist
+from wallride.sim.world.worlds import load_world
 
 CAR = CarSettings()
 STEP_RAD = math.radians(0.25)

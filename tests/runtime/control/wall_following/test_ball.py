@@ -6,19 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.control.wall_following.no_wall_policy import FADE_PER_SCAN, Lost
-from sim.car.vehicle import VehicleSettings
-from sim.lab.courses.walls import case_of
-from sim.lab.limits import limit_m
-from sim.virtual.closed_loop import Case, drive
-from sim.world.beams import LidarSettings
-from sim.world.worlds import load_world
 from tests.runtime.control.wall_following.ball_scenes import (
     MOTOR,
     follower,
     scan_in,
     scan_of,
 )
+from wallride.runtime.control.wall_following.no_wall_policy import FADE_PER_SCAN, Lost
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.lab.courses.walls import case_of
+from wallride.sim.lab.limits import limit_m
+from wallride.sim.virtual.closed_loop import Case, drive
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.worlds import load_world
 
 NOTHING_M = np.full(1081, np.nan, np.float32)
 

@@ -6,8 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.control.wall_following.ball_drive import SLIPPING_SHARE
-from runtime.control.wall_following.ball_law import (
+from tests.runtime.control.wall_following.ball_scenes import (
+    MOTOR,
+    along,
+    arc,
+    follower,
+    scan_in,
+    scan_of,
+)
+from wallride.runtime.control.wall_following.ball_drive import SLIPPING_SHARE
+from wallride.runtime.control.wall_following.ball_law import (
     ARC_M,
     ARC_S,
     BENT_PER_M,
@@ -21,20 +29,12 @@ from runtime.control.wall_following.ball_law import (
     look_aheads_m,
     turn_share,
 )
-from runtime.control.wall_following.ball_path import RADII_M
-from runtime.control.wall_following.speed_profile import speed_limit_mps
-from sim.world.beams import LidarSettings, true_ranges_m
-from sim.world.place import World
-from sim.world.pose import Pose, Twist
-from sim.world.segments import SegmentGeometry
-from tests.runtime.control.wall_following.ball_scenes import (
-    MOTOR,
-    along,
-    arc,
-    follower,
-    scan_in,
-    scan_of,
-)
+from wallride.runtime.control.wall_following.ball_path import RADII_M
+from wallride.runtime.control.wall_following.speed_profile import speed_limit_mps
+from wallride.sim.world.beams import LidarSettings, true_ranges_m
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Pose, Twist
+from wallride.sim.world.segments import SegmentGeometry
 
 
 def off(path, heading_rad):

@@ -6,20 +6,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.control.perception.noise_bias import (
+from tests.runtime.control.wall_following.ball_scenes import (
+    CAR,
+    MOTOR,
+    follower,
+    scan_in,
+)
+from wallride.runtime.control.perception.noise_bias import (
     FIRST_NOISE_M,
     MAX_ROUGHNESS_M,
     learn_bias_m,
     learn_noise_m,
     roughness_m,
 )
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.wall_following.ball_law import (
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.wall_following.ball_law import (
     approach_rad,
 )
-from runtime.control.wall_following.ball_path import Ball, roll_path
-from runtime.control.wall_following.followed_wall import FollowedWall, around, choose_wall, side_view
-from runtime.control.wall_following.prediction import (
+from wallride.runtime.control.wall_following.ball_path import Ball, roll_path
+from wallride.runtime.control.wall_following.followed_wall import FollowedWall, around, choose_wall, side_view
+from wallride.runtime.control.wall_following.prediction import (
     MAX_WIRE_S,
     WIRE_S,
     Predictor,
@@ -29,13 +35,7 @@ from runtime.control.wall_following.prediction import (
     learn_wire_delay,
     to_wire_s,
 )
-from runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
-from tests.runtime.control.wall_following.ball_scenes import (
-    CAR,
-    MOTOR,
-    follower,
-    scan_in,
-)
+from wallride.runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
 
 
 def test_the_car_is_predicted_to_where_the_answer_takes_effect():

@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from runtime.control.perception.geometry import Places
-from runtime.control.wall_following.ball import LANE_SHARE, half_ahead_m
-from runtime.control.wall_following.ball_path import RADII_M, Ball, BallPath, bend_of, circles_met, roll_ball
-from runtime.control.wall_following.followed_wall import FollowedWall, SideView, around, wall_side
-from runtime.control.wall_following.prediction import Shift
 from tests.runtime.control.wall_following.ball_scenes import (
     places,
 )
+from wallride.runtime.control.perception.geometry import Places
+from wallride.runtime.control.wall_following.ball import LANE_SHARE, half_ahead_m
+from wallride.runtime.control.wall_following.ball_path import RADII_M, Ball, BallPath, bend_of, circles_met, roll_ball
+from wallride.runtime.control.wall_following.followed_wall import FollowedWall, SideView, around, wall_side
+from wallride.runtime.control.wall_following.prediction import Shift
 
 
 def wall_m(distance_m, heading_rad=0.0, from_m=-2.0, to_m=5.0):

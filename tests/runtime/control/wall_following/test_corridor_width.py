@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from runtime.control.wall_following.corridor_width import ALONG_RAD, WIDENS_PER_M, Room
-from runtime.control.wall_following.wall_fit import WallLine
-from sim.car.vehicle import VehicleSettings
-from sim.lab import laws
-from sim.virtual.closed_loop import Case, drive
-from sim.world.place import World
-from sim.world.pose import Pose
-from sim.world.segments import SegmentGeometry, chain
+from wallride.runtime.control.wall_following.corridor_width import ALONG_RAD, WIDENS_PER_M, Room
+from wallride.runtime.control.wall_following.wall_fit import WallLine
+from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.lab import laws
+from wallride.sim.virtual.closed_loop import Case, drive
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.segments import SegmentGeometry, chain
 
 HERE = Pose(0.0, 0.0, 0.0)
 WALL = WallLine(0.8, 0.0, 100)

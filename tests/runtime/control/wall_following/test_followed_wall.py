@@ -5,16 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from drivers.api import Scan
-from runtime.control.perception.view import PerceptionCache
-from runtime.control.vehicle import CarSettings
-from runtime.control.wall_following.followed_wall import bridge_glass, choose_wall, outline, side_view
-from runtime.control.wall_following.wall_fit import WallLine
-from sim.world.beams import LidarSettings, true_ranges_m
-from sim.world.place import World
-from sim.world.pose import Pose, Twist
-from sim.world.segments import SegmentGeometry
-from sim.world.worlds import load_world
+from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.wall_following.followed_wall import bridge_glass, choose_wall, outline, side_view
+from wallride.runtime.control.wall_following.wall_fit import WallLine
+from wallride.sim.world.beams import LidarSettings, true_ranges_m
+from wallride.sim.world.place import World
+from wallride.sim.world.pose import Pose, Twist
+from wallride.sim.world.segments import SegmentGeometry
+from wallride.sim.world.worlds import load_world
 
 LIDAR = LidarSettings(noise_std_m=0.0)
 STEP_RAD = math.radians(0.25)

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from runtime.control.safety.swept_settings import SweptSettings
-from runtime.control.wall_following.ball_path import RADII_M, BallPath
-from runtime.control.wall_following.ball_settings import BallSettings
-from runtime.control.wall_following.speed_profile import (
+from wallride.runtime.control.safety.swept_settings import SweptSettings
+from wallride.runtime.control.wall_following.ball_path import RADII_M, BallPath
+from wallride.runtime.control.wall_following.ball_settings import BallSettings
+from wallride.runtime.control.wall_following.speed_profile import (
     BRAKE_SHARE,
     GRAVITY_MPS2,
     LATERAL_SHARE,

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from runtime.control.perception.geometry import bearings_rad
-from runtime.control.wall_following.wall_fit import MIN_INLIERS, LineFinder, WallLine
+from wallride.runtime.control.perception.geometry import bearings_rad
+from wallride.runtime.control.wall_following.wall_fit import MIN_INLIERS, LineFinder, WallLine
 
 BEARING_RAD = bearings_rad(-math.radians(135), math.radians(0.25), 1081)[::-1]
 FINDER = LineFinder(BEARING_RAD)

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
-from runtime.control.wall_following.wall_track import MAX_TRIM_RAD, WallTrack
+from wallride.runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
+from wallride.runtime.control.wall_following.wall_track import MAX_TRIM_RAD, WallTrack
 
 L_M = 0.33
 

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from sim.lab.compare.command import run
-from sim.lab.compare.pairs import ComparisonError, pairs_of
-from sim.lab.compare.statistics import paired_difference
-from sim.lab.sweep.table import TableRun
 from wallride import lab_options
+from wallride.sim.lab.compare.command import run
+from wallride.sim.lab.compare.pairs import ComparisonError, pairs_of
+from wallride.sim.lab.compare.statistics import paired_difference
+from wallride.sim.lab.sweep.table import TableRun
 
 REPETITIONS = 20
 PAIRS = 60

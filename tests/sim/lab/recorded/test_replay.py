@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from sim.lab.recorded.episodes import episodes, room_along_m
-from sim.lab.recorded.reenact import gap_m, reenact, run_at_wall
-from sim.lab.recorded.replay import better_side, jumps, noise, replay, scans_of
-from sim.world.pose import Pose
-from sim.world.worlds import load_world
 from tests.sim.lab.recorded_drives import arc_poses, recorded, track
+from wallride.sim.lab.recorded.episodes import episodes, room_along_m
+from wallride.sim.lab.recorded.reenact import gap_m, reenact, run_at_wall
+from wallride.sim.lab.recorded.replay import better_side, jumps, noise, replay, scans_of
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.worlds import load_world
 
 MUX = "vesc_low_level_ackermann_cmd"
 

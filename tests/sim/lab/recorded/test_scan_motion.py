@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sim.lab.recorded.scan_motion import motion_of
 from tests.sim.lab.recorded_drives import LIDAR_M, arc_poses, real, recorded
+from wallride.sim.lab.recorded.scan_motion import motion_of
 
 
 def test_a_straight_drive_is_followed_to_a_centimetre():

@@ -19,9 +19,9 @@ from pathlib import Path
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"  # Ray's switch for "stay on the loopback address"
 
-from sim.lab.sweep.command import run
-from sim.lab.sweep.plan import read_plan
 from wallride import lab_options
+from wallride.sim.lab.sweep.command import run
+from wallride.sim.lab.sweep.plan import read_plan
 
 NODE = {"num_cpus": 1, "node_ip_address": "127.0.0.1"}
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from sim.lab.sweep.plan import read_plan
-from sim.scenario.toml_lines import FileMistakeError
+from wallride.sim.lab.sweep.plan import read_plan
+from wallride.sim.scenario.toml_lines import FileMistakeError
 
 EASY = """world = "straight"
 duration_s = 1.0

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from sim.lab.sweep.command import run
-from sim.lab.sweep.table import open_table
 from tests.own_laws import INIT, law_file  # noqa: F401 - a fixture
 from wallride import lab_options
+from wallride.sim.lab.sweep.command import run
+from wallride.sim.lab.sweep.table import open_table
 
 SHORT = """world = "straight"
 duration_s = 0.5

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from sim.lab.sweep.command import run
 from wallride import lab_options
+from wallride.sim.lab.sweep.command import run
 
 ROOT = Path(__file__).parents[4]
 SWEEP = """world = "straight"

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from sim.lab.workers import ray_cluster
-from sim.lab.workers.finished_cell import WorkerStartError
-from sim.lab.workers.submit import submit
 from tests.sim.lab.workers.works import double
+from wallride.sim.lab.workers import ray_cluster
+from wallride.sim.lab.workers.finished_cell import WorkerStartError
+from wallride.sim.lab.workers.submit import submit
 
 
 def test_without_ray_the_remedy_is_told(monkeypatch):

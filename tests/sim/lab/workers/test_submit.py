@@ -4,9 +4,9 @@ import multiprocessing
 
 import pytest
 
-from sim.lab.workers.finished_cell import WorkerStartError
-from sim.lab.workers.submit import submit, workers
 from tests.sim.lab.workers.works import DiesAtStart, dies, double, slowly, where
+from wallride.sim.lab.workers.finished_cell import WorkerStartError
+from wallride.sim.lab.workers.submit import submit, workers
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

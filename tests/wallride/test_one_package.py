@@ -1,0 +1,73 @@
+"""The wheel holds `wallride` alone, and works from a folder with modules of the same names as its folders."""
+
+import os
+import subprocess
+import sys
+import sysconfig
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+FOREIGN = ("clients", "drivers", "runtime", "config", "tests")
+REFUSES = 'raise SystemExit("this is the student\'s")\n'
+PROGRAM = """
+import wallride, wallride.clients.remote.car, wallride.drivers.api, wallride.runtime.app
+import wallride.sim.virtual.closed_loop
+print(wallride.__file__)
+"""
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wheel")
+    subprocess.run(
+        [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", folder, ROOT],
+        env={**os.environ, "WALLRIDE_PURE_WHEEL": "1"}, check=True,
+    )  # fmt: skip
+    (path,) = folder.glob("*.whl")
+    return path
+
+
+@pytest.fixture(scope="module")
+def installed(wheel, tmp_path_factory):
+    """Return the Python of an environment with the wheel; what it needs comes from this one."""
+    folder = tmp_path_factory.mktemp("environment")
+    venv.create(folder, symlinks=True)
+    python = folder / "bin" / "python"
+    (site,) = folder.glob("lib/python*/site-packages")
+    (site / "needed.pth").write_text(sysconfig.get_path("purelib"))  # the links to a checkout there are not followed
+    subprocess.run(
+        [sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--no-deps", wheel], check=True
+    )
+    return python
+
+
+@pytest.fixture
+def student(tmp_path):
+    """Return a folder with a student's own files of our folders' names."""
+    (tmp_path / "sim.py").write_text(REFUSES)
+    for name in FOREIGN:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text(REFUSES)
+    return tmp_path
+
+
+def test_the_wheel_holds_one_package_and_is_typed(wheel):
+    names = zipfile.ZipFile(wheel).namelist()
+    assert {name.partition("/")[0].partition("-")[0] for name in names} == {"wallride"}
+    assert {"wallride/py.typed", "wallride/runtime/app.py", "wallride/sim/world/casting.c"} <= set(names)
+
+
+def test_it_is_imported_beside_a_students_files(installed, student):
+    done = subprocess.run([installed, "-c", PROGRAM], cwd=student, capture_output=True, text=True, check=True)
+    assert Path(done.stdout.strip()).is_relative_to(installed.parents[1])
+
+
+def test_the_simulated_car_drives_beside_a_students_files(installed, student):
+    command = [installed.with_name("wallride"), "sim", "loop", "--headless", "--duration", "2", "--json", "-"]
+    done = subprocess.run(command, cwd=student, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert '"collided": false' in done.stdout
