@@ -22,6 +22,7 @@ from wallride.drivers.vesc.driver import Vesc
 from wallride.runtime import kernel
 from wallride.runtime.app import Car, CarSurroundings, history_file
 from wallride.runtime.control.own_laws.law_class import loaded_files
+from wallride.runtime.ending import end
 from wallride.runtime.host.address_file import Address, write_address
 from wallride.runtime.host.computer import read_computer
 from wallride.runtime.host.ending import end_in_time
@@ -67,6 +68,10 @@ class BrakingMotor(Protocol):
 HOLD_WITHIN_S = 3.0
 """Maximum time that the car stands still for the session to open, so that one whose port is taken ends before it
 moved."""
+
+
+LEFT_AFTER_S = 0.3
+"""Maximum time for which a car that stands and ends waits for a session that still opens."""
 
 
 class LaunchError(Exception):
@@ -232,9 +237,7 @@ async def _drive(
         lines = np.concatenate([prefetch.learn(partial(warm_up, settings, clock), car), compiled.code()])
     gc.collect()
     gc.freeze()  # a full collection would block the loop for milliseconds; the objects present now stay anyway
-    await asyncio.wait({opening}, timeout=HOLD_WITHIN_S)
-    if opening.done():
-        opening.result()  # LaunchError before anything moves or records
+    await _hold(opening, stop)
     car.stages.watch_collections()
     lidar.tap, motor.tap = car.recorder.tap("lidar"), car.recorder.tap("motor")
     car.recorder.start()
@@ -246,17 +249,30 @@ async def _drive(
             log.info("%s", line)
         car.manager.stopping()
         await _close(opening, bus, car.recorder.close)
-    opening.result()
+    if not opening.cancelled():
+        opening.result()
 
 
 def _bus(session: Mapping[str, Any], uplinks: Sequence[Uplink], *, any_port: bool) -> CarBus:
     return UplinkedBus(session, uplinks, any_port=any_port) if uplinks else CarBus(session, any_port=any_port)
 
 
+async def _hold(opening: asyncio.Task[None], stop: asyncio.Event) -> None:
+    """Stand until the session has opened, HOLD_WITHIN_S are over, or the program ends; LaunchError from the opening."""
+    stopping = asyncio.create_task(stop.wait())
+    await asyncio.wait({opening, stopping}, timeout=HOLD_WITHIN_S, return_when=asyncio.FIRST_COMPLETED)
+    await end(stopping)
+    if opening.done():
+        opening.result()  # before anything moves or records
+
+
 async def _close(opening: asyncio.Task[None], bus: CarBus, close_recorder: Callable[[], None]) -> None:
     """Close the session and the recorder, the recorder also when the session cannot be closed."""
     try:
-        await asyncio.wait({opening})
+        await asyncio.wait({opening}, timeout=LEFT_AFTER_S)
+        if not opening.done():
+            end_in_time(0)  # Python waits for its thread
+            await end(opening)
         await bus.close()
     finally:
         close_recorder()  # the car stands, and a thread for it may not be had

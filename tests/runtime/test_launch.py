@@ -17,6 +17,7 @@ from wallride.runtime import launch
 from wallride.runtime.host import logging_setup
 from wallride.runtime.recording import recorder
 from wallride.runtime.settings.tree import Settings
+from wallride.sim.virtual.virtual_time import run_virtual
 
 
 class BrakedMotor:
@@ -91,6 +92,23 @@ async def test_the_recorder_is_closed_also_when_the_session_cannot_be():
     with pytest.raises(RuntimeError, match="panic"):
         await launch._close(opening, bus, lambda: closed.append("recorder"))
     assert closed == ["recorder"]
+
+
+def test_a_stop_ends_the_wait_for_a_session_that_does_not_open():
+    async def car():
+        loop, stop, closed = asyncio.get_running_loop(), asyncio.Event(), []
+
+        async def close():
+            closed.append("session")
+
+        opening = asyncio.create_task(asyncio.sleep(60))
+        loop.call_later(0.5, stop.set)
+        await launch._hold(opening, stop)
+        held_s = loop.time()
+        await launch._close(opening, SimpleNamespace(close=close), lambda: closed.append("recorder"))
+        return held_s, loop.time() - held_s, closed, opening.cancelled()
+
+    assert run_virtual(car()) == (0.5, pytest.approx(launch.LEFT_AFTER_S), ["session", "recorder"], True)
 
 
 @pytest.mark.parametrize(
