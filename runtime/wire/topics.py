@@ -66,13 +66,15 @@ def key(car: str, topic: str) -> str:
 
 
 def fits(name: str, pattern: str) -> bool:
-    """Tell whether a key is the one name of a topic of one car that a pattern means, `*` standing for one part.
+    """Tell whether a key is the one name of a topic of one car that a pattern means.
 
-    Who reaches the bus may put and announce any key, also one with wildcards, which reaches every pattern.
+    In a pattern `*` stands for one part, `**` at its end for any number. Who reaches the bus may put and announce any
+    key, also one with wildcards, which reaches every pattern.
     """
-    parts = name.split("/")
+    parts, depth = name.split("/"), pattern.count("/")
     return (
-        len(parts) == pattern.count("/") + 1
+        (len(parts) >= depth if pattern.endswith("/**") else len(parts) == depth + 1)
+        and len(parts) > 1
         and "*" not in name
         and name.isprintable()
         and CAR_NAME.fullmatch(parts[1]) is not None
