@@ -58,7 +58,8 @@ class DriveTrace:
         """Return in words how another one differs, "" where it does not. within: allowed for a number."""
         if self.numbers.shape != other.numbers.shape:
             return f"{self.numbers.shape} numbers before, {other.numbers.shape} after"
-        apart = np.abs(self.numbers - other.numbers)
+        with np.errstate(invalid="ignore"):  # infinity less infinity
+            apart = np.abs(self.numbers - other.numbers)
         same = (apart <= within) | (self.numbers == other.numbers) | (np.isnan(self.numbers) & np.isnan(other.numbers))
         rows = np.flatnonzero(~same.all(axis=1) | (self.reasons != other.reasons))
         if not rows.size:
