@@ -105,7 +105,8 @@ def test_a_stop_ends_the_wait_for_a_session_that_does_not_open():
         loop.call_later(0.5, stop.set)
         await launch._hold(opening, stop)
         held_s = loop.time()
-        await launch._close(opening, SimpleNamespace(close=close), lambda: closed.append("recorder"))
+        bus: Any = SimpleNamespace(close=close)
+        await launch._close(opening, bus, lambda: closed.append("recorder"))
         return held_s, loop.time() - held_s, closed, opening.cancelled()
 
     assert run_virtual(car()) == (0.5, pytest.approx(launch.LEFT_AFTER_S), ["session", "recorder"], True)

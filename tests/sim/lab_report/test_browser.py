@@ -20,19 +20,25 @@ async def tab(tmp_path):
         yield await browser.open()
 
 
-@pytest.mark.parametrize("look", LOOKS, ids=["desk", "phone"])
-async def test_the_page_fits_fetches_nothing_and_is_accessible(tab, tmp_path, look):
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    """Write a small report once."""
     plan = ReportPlan(
         tests=("t5",), report_settings=("wall_follow.kd=1.6",), trial_speeds_mps=(1.0,), obstacle_speeds_mps=(2.0,),
         varies=False,
     )  # fmt: skip
-    write(plan, measure(plan, 1, Console(file=io.StringIO())), tmp_path / "out")
-    file = tmp_path / "out" / "report.html"
+    folder = tmp_path_factory.mktemp("report")
+    write(plan, measure(plan, 1, Console(file=io.StringIO())), folder)
+    return folder / "report.html"
+
+
+@pytest.mark.parametrize("look", LOOKS, ids=["desk", "phone"])
+async def test_the_page_fits_fetches_nothing_and_is_accessible(tab, page, look):
     await tab.look(**look)
-    await tab.go(file.as_uri())
+    await tab.go(page.as_uri())
     assert await tab.run("document.querySelectorAll('svg').length") == 5
     assert await tab.run("document.documentElement.scrollWidth <= window.innerWidth")
     assert await tab.run("document.querySelectorAll('svg .line').length") >= 3
-    assert set(tab.requests) == {file.as_uri()}
+    assert set(tab.requests) == {page.as_uri()}
     assert tab.errors == []
     assert await violations(tab) == []

@@ -30,8 +30,7 @@ def write_map(folder, rows, text="resolution: 0.5\norigin: [0, 0, 0]\n", dtype=n
     return path
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize(("name", "side"), list(zip(NAMES, 4 * ("left", "right"), strict=True)))
 def test_every_shared_map_loads_with_a_start_beside_a_wall(name, side):
     world = load_map(shared_map(name), side=side)
     assert world.name == name
