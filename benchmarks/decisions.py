@@ -72,12 +72,12 @@ class DriveTrace:
         )
 
 
-def traces(folder: Path) -> Iterator[tuple[str, DriveTrace]]:
-    """Yield the name and the decisions of each drive; two at a time."""
+def traces(folder: Path, first: int = 0) -> Iterator[tuple[str, DriveTrace]]:
+    """Yield the name and the decisions of each drive; two at a time. first: seed of the first of each kind."""
     jobs = [
-        *(("drive", str(seed)) for seed in range(DRIVES)),
-        *(("hand-over", str(seed)) for seed in range(HAND_OVERS)),
-        *(("history", str(seed)) for seed in range(HISTORIES)),
+        *(("drive", str(seed)) for seed in range(first, first + DRIVES)),
+        *(("hand-over", str(seed)) for seed in range(first, first + HAND_OVERS)),
+        *(("history", str(seed)) for seed in range(first, first + HISTORIES)),
         *(("recording", str(path)) for path in _recordings(folder)),
     ]
     with ProcessPoolExecutor(2, initializer=logging.disable, initargs=(logging.CRITICAL,)) as pool:
@@ -181,18 +181,18 @@ def _as_trace(rows: Sequence[tuple[tuple[float, ...], str]]) -> DriveTrace:
     return DriveTrace(numbers.reshape(len(rows), -1), np.array([reason for _, reason in rows], np.str_))
 
 
-def _record(file: Path, folder: Path) -> int:
+def _record(file: Path, folder: Path, first: int) -> int:
     kept: dict[str, Any] = {}
-    for name, trace in traces(folder):
+    for name, trace in traces(folder, first):
         kept[f"{name}/numbers"], kept[f"{name}/reasons"] = trace.numbers, trace.reasons
     np.savez_compressed(file, **kept)
     print(f"{len(kept) // 2} drives, {sum(map(len, kept.values())) // 2} decisions in {file}")
     return 0
 
 
-def _compare(file: Path, folder: Path, within: float) -> int:
+def _compare(file: Path, folder: Path, first: int, within: float) -> int:
     before, differ, count, names = np.load(file), 0, 0, set()
-    for name, trace in traces(folder):
+    for name, trace in traces(folder, first):
         count += len(trace.reasons)
         names.add(name)
         if f"{name}/numbers" not in before:
@@ -214,12 +214,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("what", choices=("record", "compare"))
     parser.add_argument("file", type=Path)
     parser.add_argument("--recordings", type=Path, default=RECORDINGS, help="folder of recordings")
+    parser.add_argument("--seed", type=int, default=0, help="the first one of each kind; the same for both")
     parser.add_argument("--within", type=float, default=0.0, help="difference of a number that is allowed")
     options = parser.parse_args(arguments)
     logging.disable(logging.CRITICAL)
     if options.what == "record":
-        return _record(options.file, options.recordings)
-    return _compare(options.file, options.recordings, options.within)
+        return _record(options.file, options.recordings, options.seed)
+    return _compare(options.file, options.recordings, options.seed, options.within)
 
 
 if __name__ == "__main__":
