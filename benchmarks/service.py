@@ -123,6 +123,8 @@ def boot(root: Path, nspawn: str) -> None:
 
 async def play_devices() -> None:
     """Play lidar and motor controller between two walls; note each motor command with its time."""
+    import numpy as np
+
     from wallride.drivers.vesc.codec import MOTOR_PACKETS, Packet
     from wallride.sim.devices.scip import ScipEmulator
     from wallride.sim.devices.vesc import VescEmulator
@@ -144,7 +146,8 @@ async def play_devices() -> None:
             wheel_mps += max(-0.15, min(0.15, wanted_mps - wheel_mps))
             way_m += wheel_mps * 0.025
             vesc.report(erpm=round(wheel_mps * GAIN), tachometer=round(way_m * GAIN / 10))
-            scip.publish(scan_mm + scip.counts["published"] % 5, round((next_s - start_s) * 1000))
+            flicker_mm = np.random.default_rng(scip.counts["published"]).integers(0, 5, scan_mm.size)
+            scip.publish(scan_mm + flicker_mm, round((next_s - start_s) * 1000))
             wire.writelines(
                 f"{at_s:.4f} {'brake' if payload[0] == Packet.SET_CURRENT_BRAKE else 'speed'}\n"
                 for at_s, payload in vesc.wire

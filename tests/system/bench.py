@@ -53,8 +53,8 @@ class Bench:
             await asyncio.sleep(max(0.0, next_s - loop.time()))
             self._move_wheels(0.025)
             if self.scan_mm is not None:
-                # No sensor repeats a scan bit for bit, also not where every other scan is lost.
-                flicker_mm = self.scip.counts["published"] % 5
+                # No sensor repeats a scan bit for bit, not even an old one.
+                flicker_mm = np.random.default_rng(self.scip.counts["published"]).integers(0, 5, self.scan_mm.size)
                 sent_s = self.scip.publish(
                     self.scan_mm + flicker_mm, round((next_s - start_s) * 1000) + self.stamp_jump_ms
                 )

@@ -1,11 +1,12 @@
 """Plausibility check of the wheels against the lidar: contradicting sensors stop the car.
 
-Three checks of each pair of scan and motor report, independent of laws and devices:
+Four checks of each pair of scan and motor report, independent of laws and devices:
 
 * Does the lidar measure? A scan repeated bit for bit while the wheels turned 0.3 m is a stored one, not a measurement.
 * Does the car move as its wheels say? Over the first 0.3 m, and again after every lost link, the scan's own motion is
   compared with the odometry (`scan_shift`). Opposite directions: two phases of the motor are swapped, and the
   controller cannot know. Another scale: the gain is wrong.
+* Does the scene go on moving as the wheels say? Along the whole drive, see `scene_agreement`.
 * Does it move at all? Wheels in the air turn without moving the car. That is no fault, but such odometry cannot be used
   to back out.
 
@@ -18,6 +19,7 @@ from dataclasses import dataclass
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.perception.odometry import Odometry, OdometryState
 from wallride.runtime.control.perception.scan_shift import Agreement, compare_shift
+from wallride.runtime.control.perception.scene_agreement import SceneAgreement
 from wallride.runtime.control.vehicle import CarSettings
 
 FROZEN_AFTER_M = 0.3
@@ -61,9 +63,15 @@ class Plausibility:
         self._witnesses = 0
         self._confirmed = False
         self._start: _Start | None = None
-        self.lidar_doubt = ""
+        self._scene = SceneAgreement(car.lidar_m)
+        self._frozen = ""
         self.motor_doubt = ""
         self.believed = True
+
+    @property
+    def lidar_doubt(self) -> str:
+        """Reason why the lidar must not be believed, "" while it may be."""
+        return self._frozen or self._scene.doubt
 
     @property
     def doubt(self) -> str:
@@ -82,7 +90,7 @@ class Plausibility:
         self._unlearnt, at_m = (scan, motor, odometry_check), self._changed_at_m
         # Before the wheels have turned so far, the comparison decides nothing, and waits for `learn`.
         far = motor is not None and at_m is not None and abs(motor.distance_m - at_m) >= FROZEN_AFTER_M
-        self._is_compared = far or self.lidar_doubt != ""
+        self._is_compared = far or self._frozen != ""
         if self._is_compared:
             self._compare(scan, motor)
 
@@ -90,12 +98,12 @@ class Plausibility:
         """Compare the samples with those of the last scan."""
         samples = scan.ranges_m.tobytes()
         if motor is None or samples != self._samples:
-            self._samples, self.lidar_doubt = samples, ""
+            self._samples, self._frozen = samples, ""
             self._changed_at_m = motor.distance_m if motor is not None else None
         elif self._changed_at_m is None:
             self._changed_at_m = motor.distance_m
         elif abs(motor.distance_m - self._changed_at_m) >= FROZEN_AFTER_M:
-            self.lidar_doubt = FROZEN
+            self._frozen = FROZEN
 
     def learn(self) -> None:
         """Compare the last scan's samples with the one before, and its motion with the odometry's. Idempotent."""
@@ -106,17 +114,20 @@ class Plausibility:
             self._compare(scan, motor)
         if not odometry_check:
             return
+        pose = self._odometry.update(motor)
         if motor is None:  # after the link returns, the motor may be wired differently
             self.motor_doubt, self.believed = "", True
             self._begin_anew()
-        elif self.motor_doubt:
+            self._scene.forget()
+            return
+        self._scene.learn(scan, self._samples, pose, motor.distance_m)
+        if self.motor_doubt:
             self._await_standstill(scan, motor)
         elif not self._confirmed:
-            self._check(scan, motor)
+            self._check(scan, motor, pose)
 
     def _begin_anew(self) -> None:
         self._confirmed, self._start, self._witnesses = False, None, 0
-        self._odometry.update(None)
 
     def _await_standstill(self, scan: Scan, motor: MotorState) -> None:
         """End the doubt where the car has stood for a while: a latch has taken effect, and the next metres decide."""
@@ -126,8 +137,7 @@ class Plausibility:
             self._stood_since_s, self.motor_doubt = None, ""
             self._begin_anew()
 
-    def _check(self, scan: Scan, motor: MotorState) -> None:
-        pose = self._odometry.update(motor)
+    def _check(self, scan: Scan, motor: MotorState, pose: OdometryState) -> None:
         start = self._start
         stands = abs(motor.speed_mps) <= STANDING_MPS
         if start is None or stands or scan.stamp_s - start.scan.stamp_s > CHECK_WITHIN_S:

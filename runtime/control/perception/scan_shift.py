@@ -66,8 +66,10 @@ def compare_shift(before: Scan, after: Scan, moved: Shift, lidar_m: complex) -> 
     return best if clear else Agreement.UNKNOWN
 
 
-def misfits_m(before: Scan, after: Scan, moved: Shift, lidar_m: complex) -> Floats | None:
-    """Return the mean distance between the scans at each of SHARES, (shares,), at the best turn.
+def misfits_m(
+    before: Scan, after: Scan, moved: Shift, lidar_m: complex, shares: Floats = SHARES, turns_rad: Floats = TURNS_RAD
+) -> Floats | None:
+    """Return the mean distance between the scans at each of the shares, (shares,), at the best turn.
 
     None where too few points are seen, or the scans are not of one kind.
     """
@@ -81,7 +83,7 @@ def misfits_m(before: Scan, after: Scan, moved: Shift, lidar_m: complex) -> Floa
     points = points_m(after, ahead)[:, seen]
     if points.shape[1] < ENOUGH_POINTS:
         return None
-    x_m, y_m, yaw_rad = _lidar_shifts(moved, lidar_m)
+    x_m, y_m, yaw_rad = _lidar_shifts(moved, lidar_m, shares, turns_rad)
     cos, sin = np.cos(yaw_rad)[:, None], np.sin(yaw_rad)[:, None]
     shifted_x_m = cos * points[0] - sin * points[1] + x_m[:, None]
     shifted_y_m = sin * points[0] + cos * points[1] + y_m[:, None]
@@ -95,9 +97,9 @@ def misfits_m(before: Scan, after: Scan, moved: Shift, lidar_m: complex) -> Floa
     there_m = 1.0 / (first + share * (nearness[index + 1] - first))
     off_m = np.abs(np.hypot(shifted_x_m, shifted_y_m) - there_m)
     off_m = np.where(known & (off_m < CAP_M), off_m, CAP_M)  # NaN is not smaller
-    by_turn_m = off_m.reshape(SHARES.size, TURNS_RAD.size, -1)
+    by_turn_m = off_m.reshape(shares.size, turns_rad.size, -1)
     turn = by_turn_m.mean(axis=2).argmin(axis=1)
-    fits_m = by_turn_m[np.arange(SHARES.size), turn]
+    fits_m = by_turn_m[np.arange(shares.size), turn]
     tells = np.ptp(fits_m, axis=0) > TELLS_M
     if np.count_nonzero(tells) < ENOUGH_TELL:
         return None
@@ -105,13 +107,13 @@ def misfits_m(before: Scan, after: Scan, moved: Shift, lidar_m: complex) -> Floa
     return misfit_m
 
 
-def _lidar_shifts(moved: Shift, lidar_m: complex) -> tuple[Floats, Floats, Floats]:
+def _lidar_shifts(moved: Shift, lidar_m: complex, shares: Floats, turns_rad: Floats) -> tuple[Floats, Floats, Floats]:
     """Return x_m, y_m and yaw_rad of the lidar for every share and turn, (shares x turns,).
 
     The share s of an arc: along it s times, aside s^2 times, turned s times.
     """
-    turn_rad = np.tile(TURNS_RAD, SHARES.size)
-    share = np.repeat(SHARES, TURNS_RAD.size)
+    turn_rad = np.tile(turns_rad, shares.size)
+    share = np.repeat(shares, turns_rad.size)
     yaw_rad = share * moved[2] + turn_rad
     x_m = share * moved[0] + lidar_m.real * (np.cos(yaw_rad) - 1.0) - lidar_m.imag * np.sin(yaw_rad)
     y_m = share * share * moved[1] + lidar_m.real * np.sin(yaw_rad) + lidar_m.imag * (np.cos(yaw_rad) - 1.0)

@@ -106,6 +106,9 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(LIDAR, "another one, another angle order", "its own parameters are asked for; permit is taken back", PERMIT,
           "tests/runtime/tasks/test_health.py::"
           "test_another_lidar_than_before_takes_the_permit_back_even_if_it_was_exchanged_in_a_blink", ("37",)),
+    Fault(LIDAR, "shows old scans, or a blank where walls were", "named, brake within half a metre", PERMIT,
+          "tests/system/test_untrue_scans.py::"
+          "test_a_lidar_that_stops_telling_the_truth_is_named_and_the_car_stands_within_half_a_metre"),
     Fault(LIDAR, "too few beams, too slow", "refused with the reason", "another sensor",
           HOKUYO_SENSORS + "test_a_sensor_that_no_car_can_be_driven_by_is_refused_with_the_reason"),
     Fault(MOTOR, "unplugged, back at speed", "no command is kept; it starts from standstill", SELF,

@@ -1,0 +1,86 @@
+"""The laws in virtual time with a lidar that stops telling the truth: named, and stopped before the wall."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.perception import scene_agreement
+from wallride.runtime.settings.tree import load_settings
+from wallride.sim.virtual.closed_loop import Case, drive
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.worlds import load_world
+
+FROM_S = 3.0
+STOPS_WITHIN_M = 0.6
+"""Half a metre until it is told, and the stop."""
+BEAMS = LidarSettings().beams
+BEARINGS_RAD = np.radians(np.linspace(LidarSettings().first_deg, LidarSettings().last_deg, BEAMS))
+NAMED = {scene_agreement.REPEATED, scene_agreement.STANDS, scene_agreement.VANISHED}
+
+
+@dataclass
+class Untrue:
+    """A corrupter of the sensor's integers from a time on; it keeps what it has seen."""
+
+    kind: str
+    from_s: float = FROM_S
+    seen: list[Any] = field(default_factory=list)
+    late: int = 0
+
+    def __call__(self, reported_mm, now_s):
+        """Return what the sensor reports instead."""
+        if now_s < self.from_s:
+            self.seen.append(reported_mm)
+            return reported_mm
+        self.late += 1
+        noise_mm = np.random.default_rng(self.late).integers(-3, 4, BEAMS)
+        return getattr(self, f"_{self.kind}")(reported_mm, noise_mm)
+
+    def _noisy(self, _, noise_mm):
+        return self.seen[-1] + noise_mm
+
+    def _flickering(self, _, __):
+        frozen_mm = self.seen[-1].copy()
+        frozen_mm[300] += self.late % 2 * 500
+        return frozen_mm
+
+    def _looped(self, _, __):
+        return self.seen[-40 + self.late % 40]
+
+    def _far_ahead(self, reported_mm, noise_mm):
+        return np.where(np.abs(BEARINGS_RAD) < math.pi / 4, 29_900 + noise_mm, reported_mm)
+
+    def _far(self, _, noise_mm):
+        return 29_900 + noise_mm
+
+    def _nine(self, _, noise_mm):
+        return 9_000 + noise_mm
+
+
+def tell(kind, world, *assignments, from_s=FROM_S, duration_s=8.0, seed=3):
+    """Return the run, and the way driven from the moment on."""
+    settings = load_settings(None, ["wall_follow.speed_mps=1.0", *assignments])
+    laws = LiveLaws(settings.wall_follow, settings.safety, settings.car)
+    done = drive(Case(load_world(world), duration_s=duration_s, seed=seed, cover=Untrue(kind, from_s)), laws, laws)
+    places = done.pose[done.time_s >= from_s, :2]
+    return done, float(np.hypot(*np.diff(places, axis=0).T).sum())
+
+
+@pytest.mark.parametrize("method", ["swept", "report"])
+@pytest.mark.parametrize("kind", ["noisy", "flickering", "looped", "far_ahead", "far", "nine"])
+def test_a_lidar_that_stops_telling_the_truth_is_named_and_the_car_stands_within_half_a_metre(kind, method):
+    done, way_m = tell(kind, "loop", f"safety.method={method}")
+    assert done.contact is None
+    assert way_m < STOPS_WITHIN_M
+    assert abs(done.speed_mps[-1, 0]) < 0.05
+
+
+@pytest.mark.parametrize("world", ["dead_end", "loop", "corridor", "doorway", "cluttered"])
+@pytest.mark.parametrize("speed_mps", [1.0, 3.0])
+def test_a_lidar_that_tells_the_truth_is_never_doubted(world, speed_mps):
+    done, _ = tell("noisy", world, f"wall_follow.speed_mps={speed_mps}", from_s=math.inf)
+    assert not NAMED & set(done.reasons)
