@@ -71,7 +71,7 @@ moved."""
 
 
 LEFT_AFTER_S = 0.3
-"""Maximum time for which a car that stands and ends waits for a session that still opens."""
+"""Maximum time for which a car that stands waits for a session that still opens, after a signal to end."""
 
 
 class LaunchError(Exception):
@@ -194,12 +194,12 @@ async def _drive(
     settings: Settings, files: Files, sessions: Sessions, compiled: kernel.Kernel,
     fitted: Callable[[BrakingMotor], None], joystick: LocalOperator | None,
 ) -> None:  # fmt: skip
-    stop = asyncio.Event()
+    stop, asked = asyncio.Event(), asyncio.Event()
     loop = asyncio.get_running_loop()
 
     def hear_signals() -> None:
         for number in STOP_SIGNALS:
-            loop.add_signal_handler(number, stop.set)
+            loop.add_signal_handler(number, _set, asked, stop)
 
     STOP_SIGNALS_HELD.hold(hear_signals)
     clock = time.monotonic
@@ -237,7 +237,7 @@ async def _drive(
         lines = np.concatenate([prefetch.learn(partial(warm_up, settings, clock), car), compiled.code()])
     gc.collect()
     gc.freeze()  # a full collection would block the loop for milliseconds; the objects present now stay anyway
-    await _hold(opening, stop)
+    await _hold(opening, asked)
     car.stages.watch_collections()
     lidar.tap, motor.tap = car.recorder.tap("lidar"), car.recorder.tap("motor")
     car.recorder.start()
@@ -248,7 +248,7 @@ async def _drive(
         for line in car.stages.table():
             log.info("%s", line)
         car.manager.stopping()
-        await _close(opening, bus, car.recorder.close)
+        await _close(opening, bus, car.recorder.close, asked)
     if not opening.cancelled():
         opening.result()
 
@@ -257,19 +257,29 @@ def _bus(session: Mapping[str, Any], uplinks: Sequence[Uplink], *, any_port: boo
     return UplinkedBus(session, uplinks, any_port=any_port) if uplinks else CarBus(session, any_port=any_port)
 
 
-async def _hold(opening: asyncio.Task[None], stop: asyncio.Event) -> None:
-    """Stand until the session has opened, HOLD_WITHIN_S are over, or the program ends; LaunchError from the opening."""
-    stopping = asyncio.create_task(stop.wait())
+def _set(*events: asyncio.Event) -> None:
+    for event in events:
+        event.set()
+
+
+async def _hold(opening: asyncio.Task[None], asked: asyncio.Event) -> None:
+    """Stand until the session has opened, HOLD_WITHIN_S are over, or an end is asked; LaunchError from the opening."""
+    stopping = asyncio.create_task(asked.wait())
     await asyncio.wait({opening, stopping}, timeout=HOLD_WITHIN_S, return_when=asyncio.FIRST_COMPLETED)
     await end(stopping)
     if opening.done():
         opening.result()  # before anything moves or records
 
 
-async def _close(opening: asyncio.Task[None], bus: CarBus, close_recorder: Callable[[], None]) -> None:
-    """Close the session and the recorder, the recorder also when the session cannot be closed."""
+async def _close(
+    opening: asyncio.Task[None], bus: CarBus, close_recorder: Callable[[], None], asked: asyncio.Event
+) -> None:
+    """Close the session and the recorder, the recorder also when the session cannot be closed.
+
+    asked: to end; a session that still opens is then left.
+    """
     try:
-        await asyncio.wait({opening}, timeout=LEFT_AFTER_S)
+        await asyncio.wait({opening}, timeout=LEFT_AFTER_S if asked.is_set() else HOLD_WITHIN_S)
         if not opening.done():
             end_in_time(0)  # Python waits for its thread
             await end(opening)

@@ -33,8 +33,9 @@ class Kernel:
 
     def code(self) -> npt.NDArray[np.intp]:
         """Return the addresses of the compiled functions' cache lines, (n,); none where mappings are not listed."""
+        path = str(Path(self.path).resolve())  # as the kernel of the system lists it
         rows = [row.split(maxsplit=5) for row in MAPPINGS.read_text().splitlines()] if MAPPINGS.exists() else []
-        spans = [row[0].split("-") for row in rows if row[-1] == self.path and row[1] in ("r-xp", "r--p")]
+        spans = [row[0].split("-") for row in rows if row[-1] == path and row[1] in ("r-xp", "r--p")]
         empty = np.empty(0, np.intp)
         return np.concatenate(
             [empty, *(np.arange(int(a, 16), int(b, 16), LINE_BYTES) for a, b in spans)], dtype=np.intp

@@ -39,7 +39,7 @@ class MemoryLidar:
 
     async def run(self, on_scan: Callable[[Scan], None]) -> Never:
         """Deliver for ever."""
-        sequence, last_m = 0, None
+        sequence, last_m, given_m = 0, None, None
         while True:
             await asyncio.sleep(self._period_s)
             now_s = self._clock()
@@ -47,8 +47,11 @@ class MemoryLidar:
             if ranges_m is not None:
                 if self.frozen and last_m is not None:
                     ranges_m = last_m
-                elif last_m is not None and np.array_equal(ranges_m, last_m, equal_nan=True):
-                    ranges_m = ranges_m + FLICKER_M
+                elif given_m is not None and np.array_equal(ranges_m, given_m, equal_nan=True):
+                    flicker_m = np.random.default_rng(sequence).uniform(0, FLICKER_M, ranges_m.size)
+                    given_m, ranges_m = ranges_m, (ranges_m + flicker_m).astype(np.float32)
+                else:
+                    given_m = ranges_m
                 last_m = ranges_m
                 stamp_s = now_s - self.late_s
                 on_scan(Scan(stamp_s, now_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, ranges_m, sequence))

@@ -90,7 +90,7 @@ async def test_the_recorder_is_closed_also_when_the_session_cannot_be():
     bus: Any = SimpleNamespace(close=fail)
     opening = asyncio.create_task(asyncio.sleep(0))
     with pytest.raises(RuntimeError, match="panic"):
-        await launch._close(opening, bus, lambda: closed.append("recorder"))
+        await launch._close(opening, bus, lambda: closed.append("recorder"), asyncio.Event())
     assert closed == ["recorder"]
 
 
@@ -106,7 +106,7 @@ def test_a_stop_ends_the_wait_for_a_session_that_does_not_open():
         await launch._hold(opening, stop)
         held_s = loop.time()
         bus: Any = SimpleNamespace(close=close)
-        await launch._close(opening, bus, lambda: closed.append("recorder"))
+        await launch._close(opening, bus, lambda: closed.append("recorder"), stop)
         return held_s, loop.time() - held_s, closed, opening.cancelled()
 
     assert run_virtual(car()) == (0.5, pytest.approx(launch.LEFT_AFTER_S), ["session", "recorder"], True)

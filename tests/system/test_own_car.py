@@ -194,7 +194,7 @@ async def test_a_second_ctrl_c_kills(tmp_path):
         await asyncio.sleep(0.05)
         os.killpg(car.pid, signal.SIGINT)
         asked_s = time.monotonic()
-        assert await car.wait() == 130, list(car.log)
+        assert await car.wait() in {130, -signal.SIGINT}, list(car.log)  # a shell says 130 for both
         promise("a second Ctrl-C", time.monotonic() - asked_s, 5.0)
     finally:
         await car.end()
