@@ -22,12 +22,17 @@ _last_resorts: list[threading.Timer] = []
 
 
 def run_to_end(program: Coroutine[Any, Any, int]) -> int:
-    """Run a client's coroutine and return its exit code; after Ctrl-C it ends in ENDS_WITHIN_S."""
+    """Run a client's coroutine and return its exit code; after Ctrl-C it ends in ENDS_WITHIN_S, with INTERRUPTED.
+
+    Ctrl-C before `interrupted` waits reaches the coroutine as a cancellation.
+    """
     last_resort = threading.Timer(ENDS_WITHIN_S, _exit)
     last_resort.daemon = True
     _last_resorts.append(last_resort)
     try:
         return asyncio.run(_attend(program))
+    except KeyboardInterrupt:
+        return INTERRUPTED
     finally:
         last_resort.cancel()
         _last_resorts.remove(last_resort)

@@ -17,6 +17,9 @@ async def deaf():
         except asyncio.CancelledError:
             pass
 
+async def sleeps():
+    await asyncio.sleep(3600)
+
 async def hangs():
     await ending.interrupted()
     await deaf()
@@ -30,7 +33,7 @@ raise SystemExit(ending.run_to_end(program()))
 """
 
 
-@pytest.mark.parametrize("body", ["deaf", "hangs"])
+@pytest.mark.parametrize("body", ["deaf", "hangs", "sleeps"])
 def test_a_client_ends_although_a_task_does_not(body):
     program = PROGRAM.format(body)
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as client:
