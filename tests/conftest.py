@@ -18,6 +18,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 with pytest.MonkeyPatch.context() as at_import:  # in this process only: those that a test starts drive in C
     at_import.setenv("WALLRIDE_COMPILED", "0")
+    from tests.clients.monitor.browser import running_chromium, tab  # noqa: F401 - fixtures
     from tests.compiled_laws import put_c_in_place
     from tests.hard_limit import (  # noqa: F401 - hooks
         pytest_configure,

@@ -16,7 +16,7 @@ from PIL import Image
 from rich.console import Console
 from rich.text import Text
 
-from tests.clients.monitor.browser import Page, chromium, find_chromium
+from tests.clients.monitor.browser import Page, chromium
 
 TARGET = Path("docs/images/drive.webp")
 DESK, PHONE = Path("docs/images/monitor.png"), Path("docs/images/monitor-phone.png")
@@ -84,7 +84,7 @@ async def pictures() -> list[Image.Image]:
     terminal = FilmedTerminal()
     frames = []
     with tempfile.TemporaryDirectory() as folder:
-        async with chromium(Path(folder) / "profile", find_chromium()) as browser:
+        async with chromium(Path(folder) / "profile") as browser:
             left, right = await browser.open(), await browser.open()
             await left.look(width=TERMINAL_PX, height=HEIGHT_PX, dark=True)
             await right.look(width=PAGE_PX, height=HEIGHT_PX, dark=True)

@@ -10,7 +10,9 @@ import json
 import os
 import shutil
 import signal
-from contextlib import asynccontextmanager
+import subprocess
+import time
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 
 import aiohttp
@@ -42,9 +44,10 @@ def needs_chromium():
 class Page:
     """One tab. requests: every address that it asked for. errors: what it wrote to the console as an error."""
 
-    def __init__(self, socket, target):
+    def __init__(self, socket, target, browser):
         self._socket = socket
         self.target = target
+        self.browser = browser
         self._number = 0
         self._waiting = {}
         self._events = {}
@@ -157,27 +160,26 @@ class Page:
 
 
 class Browser:
-    """A running Chromium."""
+    """A running Chromium, or a part of one with cookies, storage and tabs of its own (a browser context)."""
 
-    def __init__(self, http, port, process):
+    def __init__(self, http, port, process, control, context=None):
         self._http = http
         self._port = port
+        self._control = control
+        self._context = {} if context is None else {"browserContextId": context}
         self.process = process
 
     async def open(self):
         """Return a new, empty tab."""
-        async with self._http.put(f"http://127.0.0.1:{self._port}/json/new?about:blank") as answer:
-            target = await answer.json(content_type=None)
-        socket = await self._http.ws_connect(target["webSocketDebuggerUrl"], max_msg_size=0)
-        page = Page(socket, target["id"])
+        target = (await self._control.call("Target.createTarget", url="about:blank", **self._context))["targetId"]
+        page = Page(await _socket(self._http, self._port, f"/devtools/page/{target}"), target, self)
         for domain in ("Page", "Runtime", "Network", "Log"):
             await page.call(f"{domain}.enable")
         return page
 
     async def show(self, page):
         """Bring a tab to the front, which hides the others."""
-        async with self._http.get(f"http://127.0.0.1:{self._port}/json/activate/{page.target}"):
-            pass
+        await self._control.call("Target.activateTarget", targetId=page.target)
 
     def renderers(self):
         """Return the process ids of the tabs, all of them children of our own browser."""
@@ -204,26 +206,61 @@ class Browser:
 
 
 @asynccontextmanager
-async def chromium(folder, path=None):
+async def chromium(folder):
     """Yield a browser with an empty profile in a folder."""
-    process = await asyncio.create_subprocess_exec(
-        path or find_chromium(), *QUIET, f"--user-data-dir={folder}", "about:blank",
-        stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL, start_new_session=True,
-    )  # fmt: skip
-    try:
-        port = await _port(Path(folder) / "DevToolsActivePort", process)
-        async with aiohttp.ClientSession() as http:
-            yield Browser(http, port, process)
-    finally:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)  # its own session: the browser and its children, nothing else
-        await process.wait()
+    with started(folder) as (process, place):
+        async with _controlled(place) as (http, port, control):
+            yield Browser(http, port, process, control)
 
 
-async def _port(file, process):
-    async with asyncio.timeout(START_WITHIN_S):
-        while process.returncode is None:
-            with contextlib.suppress(OSError, ValueError, IndexError):
-                return int(file.read_text().splitlines()[0])
-            await asyncio.sleep(0.05)
+@pytest.fixture(scope="session")
+def running_chromium(tmp_path_factory):
+    """One browser for all tests of this process: its start costs more than most of them."""
+    needs_chromium()
+    with started(tmp_path_factory.mktemp("chromium")) as running:
+        yield running
+
+
+@pytest.fixture
+async def tab(running_chromium):
+    """An empty tab in a context of its own, and so with cookies and storage of its own."""
+    process, place = running_chromium
+    async with _controlled(place) as (http, port, control):
+        context = (await control.call("Target.createBrowserContext"))["browserContextId"]
+        yield await Browser(http, port, process, control, context).open()
+        await control.call("Target.disposeBrowserContext", browserContextId=context)
+
+
+@contextmanager
+def started(folder):
+    """Yield the process of a new browser, and the port and the path of its DevTools."""
+    with subprocess.Popen(
+        [find_chromium(), *QUIET, f"--user-data-dir={folder}", "about:blank"],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
+    ) as process:  # fmt: skip
+        try:
+            yield process, _place(Path(folder) / "DevToolsActivePort", process)
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)  # its own session: the browser and its children, nothing else
+
+
+@asynccontextmanager
+async def _controlled(place):
+    port, path = place
+    async with aiohttp.ClientSession() as http:
+        yield http, port, Page(await _socket(http, port, path), None, None)
+
+
+async def _socket(http, port, path):
+    return await http.ws_connect(f"ws://127.0.0.1:{port}{path}", max_msg_size=0)
+
+
+def _place(file, process):
+    until_s = time.monotonic() + START_WITHIN_S
+    while process.poll() is None and time.monotonic() < until_s:
+        with contextlib.suppress(OSError, ValueError):
+            port, path = file.read_text().splitlines()
+            return int(port), path
+        time.sleep(0.02)
     raise RuntimeError("the browser did not start")

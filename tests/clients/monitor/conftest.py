@@ -4,7 +4,6 @@ from contextlib import asynccontextmanager
 
 import pytest
 
-from tests.clients.monitor.browser import chromium, find_chromium, needs_chromium
 from tests.clients.monitor.fake_car import FakeCar
 from wallride.runtime.wire import zenoh_config
 from wallride.runtime.wire.ports import free_endpoint
@@ -55,13 +54,3 @@ def runtime_folder(monkeypatch, tmp_path_factory):
 @pytest.fixture
 def scene():
     return Scene(free_endpoint())
-
-
-@pytest.fixture
-async def tab(tmp_path):
-    """A browser with one empty tab."""
-    needs_chromium()
-    async with chromium(tmp_path / "profile", find_chromium()) as browser:
-        page = await browser.open()
-        page.browser = browser
-        yield page

@@ -6,18 +6,10 @@ import pytest
 from rich.console import Console
 
 from tests.clients.monitor.axe import violations
-from tests.clients.monitor.browser import chromium, find_chromium, needs_chromium
 from wallride.sim.lab.report.plan import ReportPlan
 from wallride.sim.lab_report.command import measure, write
 
 LOOKS = [{"width": 1400, "height": 900}, {"width": 390, "height": 844, "mobile": True, "dark": True}]
-
-
-@pytest.fixture
-async def tab(tmp_path):
-    needs_chromium()
-    async with chromium(tmp_path / "profile", find_chromium()) as browser:
-        yield await browser.open()
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,6 @@ from dataclasses import replace
 import pytest
 
 from tests.clients.monitor.axe import violations
-from tests.clients.monitor.browser import chromium, find_chromium, needs_chromium
 from wallride.sim.run_report.page import page
 from wallride.sim.run_report.shown import shown
 
@@ -15,13 +14,6 @@ CLOCK = "Number.parseFloat(document.querySelector('.clock').textContent)"
 WHY = "document.querySelectorAll('.scene dd')[1].textContent"
 TICKS = "[...document.querySelectorAll('svg[data-chart=speed] .col')].map((e) => Number(e.textContent))"
 LOOKS = [{"width": 1400, "height": 900}, {"width": 390, "height": 844, "mobile": True, "dark": True}]
-
-
-@pytest.fixture
-async def tab(tmp_path):
-    needs_chromium()
-    async with chromium(tmp_path / "profile", find_chromium()) as browser:
-        yield await browser.open()
 
 
 async def opened(tab, tmp_path, *runs, look=0):
