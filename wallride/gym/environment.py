@@ -70,11 +70,13 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         }
         self.observation_space = cast("spaces.Space[Observation]", spaces.Dict(seen))
         self._now_s = 0.0
+        self._closed = False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode. options: {"start": (x, y, yaw)} puts the rear axle there."""
+        self._check_open("reset")
         super().reset(seed=seed)
         self._now_s = 0.0
         self._twin = TwinWorld(
@@ -96,8 +98,12 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         return self._observation(), self._info()
 
     def step(self, action: npt.NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Send a drive, and return what the next scan shows."""
-        speed_mps, steering_rad = (float(value) for value in np.clip(action, self._low, self._high))
+        """Send a drive, and return what the next scan shows; ValueError for one that is not two finite numbers."""
+        self._check_open("step")
+        asked = np.asarray(action, dtype=float)
+        if asked.shape != (2,) or not np.isfinite(asked).all():
+            raise ValueError(f"action {action}: it must be two finite numbers, speed [m/s] and steering [rad]")
+        speed_mps, steering_rad = (float(value) for value in np.clip(asked, self._low, self._high))
         told = self._limiter.limit(speed_mps, steering_rad, self._period_s)
         ends_s = self._now_s + self._period_s
         self._now_s += LATENCY_S
@@ -111,6 +117,15 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         contact = self._twin.contact_mps is not None
         over = self._now_s > self._duration_s - self._period_s / 2
         return observation, reward + CONTACT_REWARD * contact, contact, over, info
+
+    def close(self) -> None:
+        """End the environment; harmless when it is closed."""
+        self._closed = True
+        super().close()
+
+    def _check_open(self, call: str) -> None:
+        if self._closed:
+            raise gymnasium.error.ClosedEnvironmentError(f"{call} after close: make a new environment")
 
     def _start(self, asked: Sequence[float] | None) -> Pose:
         """Return the start of an episode; ValueError for one in a wall."""

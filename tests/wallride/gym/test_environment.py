@@ -1,5 +1,7 @@
 """`wallride.gym`: what gymnasium asks for, and the same car as everywhere else."""
 
+import math
+
 import gymnasium
 import numpy as np
 import pytest
@@ -85,3 +87,27 @@ def test_conditions_and_starts_are_as_asked():
         environment.reset(options={"start": (1.0, 0.95, 0.0)})
     with pytest.raises(ValueError, match="no world is called"):
         WallFollowEnv("nowhere")
+
+
+@pytest.mark.parametrize(
+    "action", [[math.nan, 0.0], [1.0, math.nan], [math.inf, 0.0], [0.0, -math.inf], [1.0], [1.0, 0.0, 0.0], 1.0]
+)
+def test_an_action_that_is_not_two_finite_numbers_moves_nothing(action):
+    environment = WallFollowEnv("corridor")
+    _, before = environment.reset(seed=1)
+    with pytest.raises(ValueError, match="must be two finite numbers"):
+        environment.step(np.array(action, np.float32))
+    after = environment.step(np.zeros(2, np.float32))[-1]
+    assert after["time_s"] == pytest.approx(0.025)
+    assert after["pose"] == before["pose"]
+
+
+def test_a_closed_environment_refuses_steps_and_resets():
+    environment = WallFollowEnv("corridor")
+    environment.reset(seed=1)
+    environment.close()
+    environment.close()
+    with pytest.raises(gymnasium.error.ClosedEnvironmentError, match="step after close"):
+        environment.step(np.zeros(2, np.float32))
+    with pytest.raises(gymnasium.error.ClosedEnvironmentError, match="reset after close"):
+        environment.reset(seed=1)
