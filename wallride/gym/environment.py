@@ -43,21 +43,26 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         contact, which ends an episode. After `duration_s` it is truncated.
     Info: time_s, pose (x, y, yaw of the rear axle), wall_m, error_m, laps, contact_mps: the simulator's truth.
 
-    world, obstacles: as of `wallride sim`. vehicle, lidar: conditions by their names. varies: each episode begins up to
-    20 cm and 10 degrees off the world's start.
+    world, obstacles: as of `wallride sim`. conditions: vehicle and lidar, by their names. varies: each episode begins
+    up to 20 cm and 10 degrees off the world's start. render_mode: "rgb_array" for pictures by `render`.
     """
 
-    metadata = {"render_modes": []}  # noqa: RUF012 - as gymnasium has it
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 40}  # noqa: RUF012 - as gymnasium has it
 
     def __init__(
         self, world: str = "loop", *, side: Side = "left", desired_distance_m: float = 1.0, duration_s: float = 60.0,
-        vehicle: Mapping[str, Any] | None = None, lidar: Mapping[str, Any] | None = None,
-        obstacles: Sequence[str] = (), varies: bool = True,
+        obstacles: Sequence[str] = (), varies: bool = True, render_mode: str | None = None,
+        **conditions: Mapping[str, Any] | None,
     ) -> None:  # fmt: skip
+        if render_mode not in {None, *self.metadata["render_modes"]}:
+            raise ValueError(f'render_mode {render_mode!r}: it is None or "rgb_array"')
+        self.render_mode = render_mode
         self._world = load_world(world, side=side)
         self._side, self._desired_m, self._duration_s, self._varies = side, desired_distance_m, duration_s, varies
-        self._vehicle = VehicleSettings(**(vehicle or {}))
-        self._lidar = LidarSettings(**(lidar or {}))
+        if unknown := conditions.keys() - {"vehicle", "lidar"}:
+            raise TypeError(f"unknown: {', '.join(sorted(unknown))}; conditions are vehicle and lidar")
+        self._vehicle = VehicleSettings(**(conditions.get("vehicle") or {}))
+        self._lidar = LidarSettings(**(conditions.get("lidar") or {}))
         self._obstacles = tuple(read_obstacle(text) for text in obstacles)
         self._period_s = 1.0 / self._lidar.rate_hz
         car = self._car = CarSettings()
@@ -80,10 +85,10 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         super().reset(seed=seed)
         self._now_s = 0.0
         self._twin = TwinWorld(
-            self._world, lambda: self._now_s, start=self._start((options or {}).get("start")), vehicle=self._vehicle,
+            self._world, self._time_s, start=self._start((options or {}).get("start")), vehicle=self._vehicle,
             lidar=self._lidar, obstacles=self._obstacles, seed=int(self.np_random.integers(_SEEDS)),
         )  # fmt: skip
-        self._motor = WorldMotor(self._twin, lambda: self._now_s)
+        self._motor = WorldMotor(self._twin, self._time_s)
         car = self._car
         self._limiter = Limiter(
             Limits(
@@ -95,6 +100,7 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self._laps = 0.0
         self._odometry = np.zeros(5)
         self._last = self._state()
+        self._way: list[tuple[float, float]] = []
         return self._observation(), self._info()
 
     def step(self, action: npt.NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -118,10 +124,31 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         over = self._now_s > self._duration_s - self._period_s / 2
         return observation, reward + CONTACT_REWARD * contact, contact, over, info
 
+    def render(self) -> npt.NDArray[np.uint8] | None:
+        """Return a picture of the car in its world, (height, width, 3); None without a render_mode."""
+        if self.render_mode is None:
+            return None
+        self._check_open("render")
+        if not hasattr(self, "_twin"):
+            raise gymnasium.error.ResetNeeded("render before reset: call reset first")
+        from wallride.gym.picture import picture  # Pillow, for those who look
+
+        pose, lidar = self._twin.vehicle.pose, self._lidar
+        place = pose.ahead(lidar.mount_x_m, lidar.mount_y_m)
+        angle_rad = np.radians(np.linspace(lidar.first_deg, lidar.last_deg, lidar.beams))
+        angle_rad += pose.yaw_rad + lidar.mount_yaw_rad
+        seen = self._ranges_m < RANGE_MAX_M
+        points_m = np.stack((np.cos(angle_rad), np.sin(angle_rad)), axis=1) * self._ranges_m.astype(float)[:, None]
+        segments_m = np.vstack([self._world.outline_m, self._twin.scene.obstacle_outline_m])
+        return picture(pose, segments_m, points_m[seen] + (place.x_m, place.y_m), self._way)
+
     def close(self) -> None:
         """End the environment; harmless when it is closed."""
         self._closed = True
         super().close()
+
+    def _time_s(self) -> float:
+        return self._now_s
 
     def _check_open(self, call: str) -> None:
         if self._closed:
@@ -160,13 +187,15 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             state.speed_mps, state.steering_rad,
         )  # fmt: skip
         self._last = state
+        self._ranges_m = np.nan_to_num(ranges_m, nan=RANGE_MAX_M)
         return {
-            "scan": np.nan_to_num(ranges_m, nan=RANGE_MAX_M),
+            "scan": self._ranges_m.copy(),
             "odometry": self._odometry.astype(np.float32),
         }
 
     def _info(self) -> dict[str, Any]:
         pose = self._twin.vehicle.pose
+        self._way.append((pose.x_m, pose.y_m))
         wall_m = self._world.wall_distance_m(pose, self._side)
         if self._counter is not None:
             self._laps = self._counter.update(pose.x_m, pose.y_m)

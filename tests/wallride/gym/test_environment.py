@@ -1,6 +1,7 @@
 """`wallride.gym`: what gymnasium asks for, and the same car as everywhere else."""
 
 import math
+import pickle
 
 import gymnasium
 import numpy as np
@@ -12,7 +13,7 @@ from wallride.gym import NAME, WallFollowEnv
 
 @pytest.mark.filterwarnings("ignore:.*symmetric and normalized")  # its advice; ours is metres per second and radians
 def test_it_is_registered_and_passes_gymnasiums_own_checker():
-    environment = gymnasium.make(f"wallride.gym:{NAME}", world="corridor")
+    environment = gymnasium.make(f"wallride.gym:{NAME}", world="corridor", render_mode="rgb_array")
     check_env(environment.unwrapped, skip_render_check=False)
     environment.close()
 
@@ -111,3 +112,31 @@ def test_a_closed_environment_refuses_steps_and_resets():
         environment.step(np.zeros(2, np.float32))
     with pytest.raises(gymnasium.error.ClosedEnvironmentError, match="reset after close"):
         environment.reset(seed=1)
+
+
+def test_a_picture_shows_walls_car_and_scan_and_moves_with_the_car():
+    environment = WallFollowEnv("corridor", render_mode="rgb_array", varies=False, obstacles=["box at=3,0"])
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        environment.render()
+    environment.reset(seed=1)
+    first = environment.render()
+    assert (first.dtype, first.shape) == (np.uint8, (480, 480, 3))
+    middle, beside = first[225:255, 235:265], first[205:215, 235:265]  # one metre is 30 pixels
+    assert (middle == (0xFF, 0x7F, 0x0E)).all(axis=2).any(), "the car"
+    assert (beside == (0xD6, 0x27, 0x28)).all(axis=2).any(), "what it sees of the wall"
+    for _ in range(40):
+        environment.step(np.array([1.5, 0.0], np.float32))
+    assert (environment.render() != first).any(axis=2).sum() > 50
+    assert WallFollowEnv("corridor").render() is None
+    with pytest.raises(ValueError, match='None or "rgb_array"'):
+        WallFollowEnv("corridor", render_mode="human")
+
+
+def test_a_copy_goes_on_as_the_environment_does():
+    environment = WallFollowEnv("track:seed=7,length=40", obstacles=["person at=6,0 walks=0,0.5"])
+    drive(environment, straight(1.0), 20)
+    copy = pickle.loads(pickle.dumps(environment))  # noqa: S301 - our own
+    for _ in range(20):
+        ours, theirs = (one.step(np.array([1.0, 0.1], np.float32)) for one in (environment, copy))
+        assert np.array_equal(ours[0]["scan"], theirs[0]["scan"])
+        assert ours[1:] == theirs[1:]
