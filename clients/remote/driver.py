@@ -6,6 +6,7 @@ import secrets
 import time
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
+from dataclasses import replace
 from typing import Final
 
 from wallride.clients.connection import ConnectionProblemError
@@ -16,7 +17,7 @@ from wallride.clients.teleop.pilot import MINDED_S, Pilot, PilotState
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.network import BYTES
-from wallride.runtime.wire.teleop import CarCondition, Input, Malformed, read_beat
+from wallride.runtime.wire.teleop import CarCondition, Input, Malformed, Press, read_beat
 
 LATCHED_WITHIN_S: Final = 1.0
 """Time for which a block that pressed the e-stop insists on it at its end."""
@@ -110,10 +111,11 @@ class RemoteDriver(SourceBlock):
     def _unobeyed(self) -> str:
         if self._hand.stopping:
             return "" if self._latched.is_set() else UNCONFIRMED
-        return (self._hand.trouble or UNHEEDED) if self._hand.asked and not self._obeyed.is_set() else ""
+        return self._hand.trouble or (UNHEEDED if self._hand.asked and not self._obeyed.is_set() else "")
 
-    def _say_goodbye(self, bus: Bus) -> None:
-        self._send(bus, self._pilot.goodbye(Input.SCRIPT).pack())
+    def _say_goodbye(self, bus: Bus, *, orderly: bool) -> None:
+        command = self._pilot.goodbye(Input.SCRIPT)
+        self._send(bus, (command if orderly else replace(command, flags=command.flags | Press.UNSURE)).pack())
 
     def _send(self, bus: Bus, payload: bytes) -> None:
         bus.put(topics.key(self._car, topics.COMMAND), payload, encoding=BYTES, urgent=True)

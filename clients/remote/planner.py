@@ -76,8 +76,8 @@ class RemotePlanner(SourceBlock):
         if inputs.live:
             self._send(bus, Press.MANUAL if inputs.manual else Press(0), inputs)
 
-    def _say_goodbye(self, bus: Bus) -> None:
-        self._send(bus, Press.GOODBYE, None)
+    def _say_goodbye(self, bus: Bus, *, orderly: bool) -> None:
+        self._send(bus, Press.GOODBYE if orderly else Press.GOODBYE | Press.UNSURE, None)
 
     def _send(self, bus: Bus, flags: Press, inputs: Inputs | None) -> None:
         beat = self._beat

@@ -71,8 +71,8 @@ class SourceBlock(ABC):
         """Send what is due; called every PERIOD_S."""
 
     @abstractmethod
-    def _say_goodbye(self, bus: Bus) -> None:
-        """Send one goodbye."""
+    def _say_goodbye(self, bus: Bus, *, orderly: bool) -> None:
+        """Send one goodbye; after an error or a stall one that is also a stop, and no release."""
 
     def _check_begun(self) -> None:
         self._thread.check_open()
@@ -80,8 +80,8 @@ class SourceBlock(ABC):
             raise self._refused(f"use it in a with block: with {self._call} as source:")
 
     def _unobeyed(self) -> str:
-        """Return why the car took no command of the whole block, "" when it did, or was asked for nothing."""
-        return ""
+        """Return why the car does not, or no longer, obey the block at its end, "" when it does."""
+        return self._hand.trouble
 
     async def _run(self, bus: Bus) -> None:
         next_s = time.monotonic()
@@ -92,7 +92,7 @@ class SourceBlock(ABC):
             await asyncio.sleep(max(0.0, next_s - time.monotonic()))
 
     async def _end(self, *, orderly: bool) -> None:
-        """Say goodbye, or after an error fall silent: the car stops for a lost source."""
+        """Stop sending and give the place back; after an error or a stall the car stops as for a lost source."""
         loop, self._loop = self._loop, None
         bus, self._bus = self._bus, None
         if loop is not None:
@@ -101,8 +101,8 @@ class SourceBlock(ABC):
         if bus is None:
             return
         try:
-            for _ in range(GOODBYES if orderly else 0):
-                self._say_goodbye(bus)
+            for _ in range(GOODBYES):
+                self._say_goodbye(bus, orderly=orderly)
                 await asyncio.sleep(PERIOD_S)
         finally:
             await bus.close()

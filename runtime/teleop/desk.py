@@ -155,7 +155,7 @@ class OperatorDesk:
             self._round_trip_s = now_s - session.beat_s
         flags = command.flags
         if flags & Press.GOODBYE:
-            self._leave(session)
+            self._leave(session, unsure=bool(flags & Press.UNSURE))
         elif is_stop(flags):
             pass  # done already, before its age was looked at
         elif flags & Press.UNSURE:
@@ -205,11 +205,17 @@ class OperatorDesk:
         if session is self._operator:
             self._words.release(until_s=session.beat_s + self._settings.expiry_s)
 
-    def _leave(self, session: TeleopSession) -> None:
+    def _leave(self, session: TeleopSession, *, unsure: bool) -> None:
+        """Give the place back. unsure: without a release, as a script that failed: autonomy waits for an operator."""
         session.over = True
-        if session in {self._operator, self._lost}:
+        if session not in {self._operator, self._lost}:
+            return
+        self._operator = self._lost = None
+        if unsure:
+            self._log.log("left", f"{session.title} left without a release")
+            self._halt(f"{session.title} left without a release")
+        else:
             self._log.log("left", f"{session.title} said goodbye", logging.INFO)
-            self._operator = self._lost = None
             self._words.leave()
 
     def _take_over(self, session: TeleopSession) -> None:

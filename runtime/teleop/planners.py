@@ -7,7 +7,8 @@ The rules, each with a test that fails when it is broken (docs/decisions/0038-pl
   commands echo nothing and are compared with the fastest of their series.
 * Each planner has its own slot; the most urgent one with a command in force drives.
 * While a planner has the car the follower does not drive, also not in the moment between expiry and notice.
-* A planner that falls silent without a goodbye is lost: the permit ends as with a lost device.
+* A planner that falls silent without a goodbye is lost, and so is one that leaves unsure, at once: the permit ends as
+  with a lost device.
 
 A plain state machine: the clock is injected, nothing here waits, and it knows no bus.
 """
@@ -97,6 +98,9 @@ class PlannerDesk:
         if (refused := self._judge(slot, command, now_s, arrival_s)) is not None:
             if not (refused is Refusal.OVER and command.flags & Press.GOODBYE):  # which is sent several times
                 slot.refusals.count(refused, f"planner {name}")
+        elif command.flags & Press.UNSURE:
+            slot.until_s, slot.session = -math.inf, 0
+            self.tick()
         elif command.flags & Press.GOODBYE:
             self._leave(name)
         else:
@@ -131,6 +135,7 @@ class PlannerDesk:
             self._lost = name
             reason = f"planner {name} was lost"
             self._log.log("lost", f"{reason}: no fresh command and no goodbye")
+            self._queue.withdraw(Source.PLANNER)
             self._queue.put(refusal(Source.PLANNER_HOLD, reason))
             if not self._permit.always and now_s < self._permit.until_s:
                 self._rearm(reason)
@@ -165,7 +170,7 @@ class PlannerDesk:
         }
 
     def _judge(self, slot: _Slot, command: Command, now_s: float, arrival_s: float) -> Refusal | None:
-        if command.flags not in {Press(0), Press.MANUAL, Press.GOODBYE}:
+        if command.flags not in {Press(0), Press.MANUAL, Press.GOODBYE, Press.GOODBYE | Press.UNSURE}:
             return Refusal.CONTRADICTION
         if command.session != slot.session and now_s < slot.until_s:
             return Refusal.TOO_MANY

@@ -64,7 +64,8 @@ class Press(IntFlag):
     GOODBYE = 32
     """The last command of a session: everything is released and the operator leaves."""
     UNSURE = 64
-    """The state of the input is unknown: the pad is gone or frozen. A stop, and no release; alone."""
+    """The state of the input is unknown: the pad is gone or frozen. A stop, and no release; alone, or with GOODBYE: the
+    operator leaves without having let go, and autonomy waits for another one."""
 
 
 class Input(IntEnum):

@@ -198,18 +198,22 @@ async def test_driving_releases_first_then_presses_then_says_goodbye():
     assert driven[-1].name == "ann"
 
 
-async def test_a_script_that_stalls_or_fails_is_a_lost_operator_without_a_goodbye():
+LEFT_UNSURE = Press.GOODBYE | Press.UNSURE
+
+
+async def test_a_script_that_stalls_or_fails_stops_the_car_and_gives_the_place_back_without_a_release():
     async with FakeCar() as car:
 
         def stall():
             with wallride.connect(at=car.bus.endpoint) as remote, remote.drive() as hand:
                 hand.send(0.5, 0.1)
                 time.sleep(0.6)
+                assert car.flags[-1] == Press.UNSURE
                 with pytest.raises(DriveRefusedError, match=r"sent nothing for 0\.2 s; begin anew"):
                     hand.send(0.5, 0.1)
 
         await in_thread(stall)
-        assert car.flags[-1] == Press.UNSURE
+        await car.heard(LEFT_UNSURE)
         assert Press.GOODBYE not in car.flags
         car.commands.clear()
 
@@ -220,7 +224,22 @@ async def test_a_script_that_stalls_or_fails_is_a_lost_operator_without_a_goodby
 
         with pytest.raises(ZeroDivisionError):
             await in_thread(fail)
+        await car.heard(LEFT_UNSURE)
         assert Press.GOODBYE not in car.flags
+
+
+async def test_a_block_that_stalls_at_its_end_ends_with_the_error():
+    async with FakeCar() as car:
+
+        def script():
+            with wallride.connect(at=car.bus.endpoint) as remote, remote.drive() as hand:
+                hand.send(0.5, 0.1)
+                until_s = time.monotonic() + 10.0
+                while Press.UNSURE not in car.flags and time.monotonic() < until_s:
+                    time.sleep(0.02)
+
+        with pytest.raises(DriveRefusedError, match=r"sent nothing for 0\.2 s; begin anew"):
+            await in_thread(script)
 
 
 @pytest.mark.parametrize("sends", [1, 5])

@@ -90,6 +90,21 @@ def test_a_goodbye_is_no_loss(rig):
     assert rig.speed_mps == (AUTO_MPS if rig.permit.always else 0)
 
 
+def test_an_operator_who_leaves_unsure_stops_the_car_at_once_and_gives_the_place_back(rig):
+    ann = rig.client()
+    ann.click()
+    ann.send(MANUAL)
+    assert rig.speed_mps == HAND_MPS
+    ann.send(GOODBYE | Press.UNSURE)
+    assert rig.speed_mps == 0
+    assert rig.beat().operator_session == 0
+    rig.wait(5.0)
+    assert rig.speed_mps == 0, "leaving is no release: autonomy waits for an operator"
+    bob = rig.client("Bob")
+    bob.click()
+    assert rig.speed_mps == HAND_MPS
+
+
 def test_a_lost_operator_may_come_back_to_say_goodbye():
     rig = Rig("always")
     ann = rig.client()

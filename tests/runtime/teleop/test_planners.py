@@ -93,6 +93,18 @@ def test_a_goodbye_gives_the_car_back_and_may_be_said_thrice(rig, slam):
     assert rig.planner_desk.status()["lost"] == ""
 
 
+def test_a_planner_that_leaves_unsure_is_lost_at_once_and_its_name_is_free(rig, slam):
+    rig.drive(slam)
+    assert driven(rig) == PLANNED
+    for _ in range(3):
+        slam.send(Press.GOODBYE | Press.UNSURE)
+    assert rig.decision.speed_mps == 0.0
+    assert rig.planner_desk.status()["lost"] == "slam"
+    assert rig.refused("slam") == {}
+    rig.drive(Planner(rig, "slam", session=2))
+    assert driven(rig) == PLANNED
+
+
 def test_a_lost_planner_takes_the_permit_along_and_only_a_new_one_lets_the_follower_go():
     rig = Rig(permit="required")
     slam, ann = Planner(rig, "slam"), rig.operator()
