@@ -101,3 +101,8 @@ def test_contracts_on_packages_are_exhaustive():
         "wallride.sim",
     }
     assert all(contract["exhaustive"] for contract in inside)
+
+
+def test_no_example_prints_nan_since_a_beam_without_a_return_is_nan():
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "docs" / "examples").glob("*.py")]
+    assert not [page.name for page in pages if re.search(r"ranges_m\.(min|max|mean)\(", page.read_text())]
