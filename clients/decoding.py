@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wallride.runtime.host.extras import how_to_install
 from wallride.runtime.host.terminal_text import one_line
 from wallride.runtime.ros.definitions import TYPES, definition
 from wallride.runtime.wire import topics
@@ -54,7 +55,7 @@ def message_of(topic: str, schema: str, payload: bytes) -> Any:  # noqa: ANN401 
     try:
         from rosbags.serde import SerdeError
     except ModuleNotFoundError:
-        raise UnreadableError(f"{topic}: reading it needs rosbags; pip install 'wallride[clients]'") from None
+        raise UnreadableError(f"{topic}: reading it needs rosbags: {how_to_install('clients')}") from None
     try:
         return _store(schema).deserialize_cdr(payload, schema)
     except SerdeError as error:

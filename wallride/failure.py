@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+from wallride.runtime.host.extras import how_to_install
 from wallride.runtime.host.terminal_text import one_line, say
 
 USAGE_ERROR = 2
@@ -51,7 +52,7 @@ def needs(extra: str, subject: str) -> Iterator[None]:
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] == OWN_PACKAGE:
             raise
-        message = f"{subject} {error.name}: install it with  pip install 'wallride[{extra}]'"
+        message = f"{subject} {error.name}: install it with {how_to_install(extra)}"
         raise SystemExit(fail(message)) from None
 
 

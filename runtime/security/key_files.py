@@ -6,6 +6,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from wallride.runtime.host.extras import how_to_install
 from wallride.runtime.host.ownership import changed_by_others
 from wallride.runtime.security.access_list import KeysError, read_people
 from wallride.runtime.wire.endpoints import is_tls
@@ -128,5 +129,5 @@ def _identity(tls: Tls, *, for_car: bool) -> "CertificateIdentity":
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] != "cryptography":
             raise
-        raise KeysError("keys need one more package: pip install 'wallride[keys]'") from None
+        raise KeysError(f"keys need one more package: {how_to_install('keys')}") from None
     return read_identity(tls, for_car=for_car)

@@ -103,6 +103,13 @@ def test_contracts_on_packages_are_exhaustive():
     assert all(contract["exhaustive"] for contract in inside)
 
 
+def test_no_advice_installs_wallride_from_an_index_where_it_is_not():
+    advice = re.compile(r"pip install\s+(-\S+\s+)*['\"]?wallride")
+    places = [*sources(".py", ".md", ".sh", ".js"), ROOT / "README.md", ROOT / "pyproject.toml"]
+    assert len(places) > 300
+    assert not [str(path.relative_to(ROOT)) for path in places if advice.search(path.read_text())]
+
+
 def test_no_example_prints_nan_since_a_beam_without_a_return_is_nan():
     pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "docs" / "examples").glob("*.py")]
     assert not [page.name for page in pages if re.search(r"ranges_m\.(min|max|mean)\(", page.read_text())]

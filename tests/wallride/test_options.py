@@ -123,4 +123,4 @@ def test_a_missing_package_is_one_sentence_that_names_the_extra(monkeypatch, cap
     assert end.value.code == 2
     said = capsys.readouterr().err
     assert "the monitor needs" in said
-    assert "wallride[monitor]" in said
+    assert ".[monitor]" in said

@@ -6,6 +6,7 @@ from typing import Final
 
 from wallride.doctor.computer import Computer
 from wallride.doctor.findings import Finding, ok, warn
+from wallride.runtime.host.extras import how_to_install
 
 SUBJECT: Final = "gamepad"
 F710_IN_D_MODE: Final = ("046d", "c219")
@@ -56,6 +57,6 @@ def _judge(computer: Computer, pad: Pad) -> Finding:
         return warn(
             SUBJECT,
             f"{pad.name}: the car reads it, and `wallride teleop` here cannot",
-            "pip install 'wallride[teleop]'",
+            how_to_install("teleop"),
         )
     return ok(SUBJECT, pad.name)

@@ -4,12 +4,14 @@ import gymnasium
 environment = gymnasium.make("wallride.gym:wallride/WallFollow-v0", world="track:seed=7")
 """
 
+from wallride.runtime.host.extras import how_to_install
+
 try:
     from gymnasium.envs.registration import register
 except ModuleNotFoundError as error:
     if error.name != "gymnasium":
         raise
-    message = "wallride.gym needs gymnasium: install it with  pip install 'wallride[gym]'"
+    message = f"wallride.gym needs gymnasium: install it with {how_to_install('gym')}"
     raise ModuleNotFoundError(message, name=error.name) from None
 
 from wallride.gym.environment import WallFollowEnv

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, TypeVar
 
+from wallride.runtime.host.extras import how_to_install
 from wallride.sim.lab.cell import Figures
 from wallride.sim.lab.workers.finished_cell import Ends, FinishedCell, Run, WorkerStartError, finish, sentence
 
@@ -59,7 +60,7 @@ def _connected(on: str, jobs: int | None) -> Any:  # noqa: ANN401 - ray is an ex
     try:
         ray: Any = import_module("ray")
     except ModuleNotFoundError:
-        raise WorkerStartError("--on needs Ray: install it with  pip install 'wallride[cluster]'") from None
+        raise WorkerStartError(f"--on needs Ray: install it with {how_to_install('cluster')}") from None
     threads = {"env_vars": {"OPENBLAS_NUM_THREADS": "1"}}
     where: dict[str, Any] = {"address": on}
     if on == LOCAL:

@@ -8,7 +8,7 @@ from tests.clients.monitor.fake_car import FakeCar
 from wallride.runtime.wire import zenoh_config
 from wallride.runtime.wire.ports import free_endpoint
 
-pytest.importorskip("aiohttp", reason="the monitor needs aiohttp: pip install 'wallride[monitor]'")
+pytest.importorskip("aiohttp", reason="the monitor needs aiohttp: pip install '.[monitor]'")
 
 
 class Scene:

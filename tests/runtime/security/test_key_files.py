@@ -164,5 +164,5 @@ def test_keys_are_looked_at_only_where_an_address_needs_them(car, tmp_path):
 def test_a_missing_package_is_named(car, monkeypatch):
     monkeypatch.delitem(sys.modules, "wallride.runtime.security.certificates", raising=False)
     monkeypatch.setitem(sys.modules, "cryptography", None)
-    with pytest.raises(KeysError, match=r"pip install 'wallride\[keys\]'"):
+    with pytest.raises(KeysError, match=r"pip install '\.\[keys\]'"):
         car_keys(car, NOW)

@@ -10,7 +10,7 @@ import pytest
 
 from wallride.sim.live.screen import address_in
 
-aiohttp = pytest.importorskip("aiohttp", reason="the monitor needs aiohttp: pip install 'wallride[monitor]'")
+aiohttp = pytest.importorskip("aiohttp", reason="the monitor needs aiohttp: pip install '.[monitor]'")
 pytestmark = pytest.mark.timeout(120)
 
 

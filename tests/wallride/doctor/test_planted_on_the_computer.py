@@ -149,7 +149,7 @@ ANSWERS = [
     ({"may_use": lambda _: False, "groups": frozenset({"ann"})}, "motor port", Level.FAIL, "usermod -aG dialout ann"),
     ({"may_use": lambda _: False}, "motor port", Level.FAIL, "the group dialout"),
     ({"may_use": lambda path: "event" not in str(path)}, "gamepad", Level.WARN, "usermod -aG input ann"),
-    ({"has_module": lambda _: False}, "gamepad", Level.WARN, "wallride[teleop]"),
+    ({"has_module": lambda _: False}, "gamepad", Level.WARN, ".[teleop]"),
     ({"now_unix_s": datetime(2019, 1, 1, tzinfo=UTC).timestamp()}, "clock", Level.WARN, "sudo date --set"),
     ({"free_bytes": lambda _: 200_000_000}, "disk", Level.WARN, "wallride logs trim"),
     ({"free_bytes": lambda _: 1_000_000}, "disk", Level.FAIL, "wallride logs trim"),

@@ -16,7 +16,7 @@ def test_without_ray_the_remedy_is_told(monkeypatch):
         raise ModuleNotFoundError(name)
 
     monkeypatch.setattr(ray_cluster, "import_module", missing)
-    with pytest.raises(WorkerStartError, match=r"pip install 'wallride\[cluster\]'"):
+    with pytest.raises(WorkerStartError, match=r"pip install '\.\[cluster\]'"):
         list(submit([1], double, on="ray"))
 
 
