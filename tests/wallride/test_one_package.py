@@ -1,6 +1,7 @@
 """The wheel holds `wallride` alone, and works from a folder with modules of the same names as its folders."""
 
 import os
+import re
 import subprocess
 import sys
 import sysconfig
@@ -71,3 +72,31 @@ def test_the_simulated_car_drives_beside_a_students_files(installed, student):
     done = subprocess.run(command, cwd=student, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert '"collided": false' in done.stdout
+
+
+def test_the_notice_names_each_package_whose_message_types_the_wheel_holds(wheel):
+    inside = zipfile.ZipFile(wheel)
+    (notice,) = (inside.read(name).decode() for name in inside.namelist() if name.endswith("/NOTICE"))
+    types = inside.read("wallride/runtime/ros/types.msg").decode()
+    packages = set(re.findall(r"^=== (\w+)/", types, re.MULTILINE))
+    assert len(packages) > 5
+    assert packages <= set(re.findall(r"\w+", notice))
+
+
+def test_the_first_program_of_the_docs_is_typed_against_an_installed_wheel(installed, tmp_path):
+    text = (ROOT / "docs" / "python.md").read_text()
+    program = text.split("```python\n", 1)[1].split("```")[0]
+    (tmp_path / "program.py").write_text(program + "\nreveal_type(wallride.connect())\n")
+    command = [
+        sys.executable,
+        "-m",
+        "mypy",
+        "--strict",
+        "--config-file=",
+        "--python-executable",
+        installed,
+        "program.py",
+    ]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "wallride.clients.remote.car.RemoteCar" in done.stdout
+    assert done.returncode == 0, done.stdout
