@@ -3,10 +3,13 @@
 import math
 
 from wallride.drivers.vesc.settings import VescSettings
+from wallride.sim.car.inertia import EmulatedImu
 from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle
 from wallride.sim.devices.vesc import MotorDemand, VescEmulator
 
 STEP_S = 0.0025
+IMU_S = 0.0095
+"""Time over which the emulated inertial sensor averages, about its 100 Hz."""
 
 
 class Plant:
@@ -21,6 +24,7 @@ class Plant:
         self._wiring = wiring
         self._now_s = start_s
         self._tachometer_steps = 0.0
+        self._imu, self._measured_s = EmulatedImu(vehicle), start_s
         self.crashed = False
 
     def advance(self, to_s: float) -> None:
@@ -51,6 +55,9 @@ class Plant:
             self._wiring.speed_to_erpm_offset if abs(wheel_mps) > 0 else 0.0
         )
         self._vesc.report(erpm=round(erpm), tachometer=math.floor(self._tachometer_steps))
+        if self._now_s - self._measured_s >= IMU_S:
+            self._vesc.imu = self._imu.measure(self._now_s - self._measured_s)
+            self._measured_s = self._now_s
 
 
 def _demand(demand: MotorDemand, wiring: VescSettings) -> Demand:
