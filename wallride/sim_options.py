@@ -27,6 +27,10 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         help="number of cars in the world, car1 to carN, each with a runtime of its own (default: 1)",
     )  # fmt: skip
     sim.add_argument("--laps", type=int, metavar="N", help="stop after N laps")
+    sim.add_argument(
+        "--put-back", action="store_true",
+        help="put a car that touched something back to its start within 3 s and drive on, instead of ending the drive",
+    )  # fmt: skip
     sim.add_argument("--pose", metavar="X,Y,THETA", help="start pose of the rear axle [m, m, rad]")
     sim.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default: 0)")
     sim.add_argument("--recording", type=Path, metavar="FILE", help="play a real recording through the emulated lidar")

@@ -6,6 +6,7 @@ from wallride.drivers.vesc.settings import VescSettings
 from wallride.sim.car.inertia import EmulatedImu
 from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle
 from wallride.sim.devices.vesc import MotorDemand, VescEmulator
+from wallride.sim.world.pose import Pose
 
 STEP_S = 0.0025
 IMU_S = 0.0095
@@ -42,6 +43,12 @@ class Plant:
     def crash(self) -> None:
         """Stop at once: the car hit something."""
         self.crashed = True
+
+    def put_back(self, start: Pose) -> None:
+        """Let a car that hit something stand at its start, ready to drive; another one drives on."""
+        if self.crashed:
+            self.vehicle.place(start)
+            self.crashed = False
 
     @property
     def steering_rad(self) -> float:

@@ -78,7 +78,7 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     write_summary(summary, options.json)
     if options.json != "-":
         console.print(summary_table(summary))
-        if summary.get("collided"):
+        if summary.get("collided") and not options.put_back:
             console.print("The car touched something: that ends a simulated drive.")
         console.print("What was recorded: wallride logs. A page of it: wallride report FILE")
     if summary["telemetry"] != HEARD:
@@ -109,6 +109,7 @@ def _drive(
 ) -> dict[str, Any]:  # fmt: skip
     with stop.loading():
         conditions, scene, vehicle = build_scene(options, settings, chosen)
+    scene.back_to = vehicle.pose if options.put_back else None
     world = scene.world
     if options.laps and world.lap is None:
         raise SimUsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
@@ -130,6 +131,7 @@ def _drive(
         "world": world.name,
         **summarize(record, settings),
         "collided": scene.collided,
+        "contacts": scene.contacts,
         "laps": len(scene.lap_times_s),
         "lap_times_s": scene.lap_times_s,
         "conditions": conditions.changed(),
@@ -177,7 +179,7 @@ def _fleet(
     try:
         with stop.loading():
             world = load_world(options.world, side=settings.wall_follow.side, seed=options.seed)
-        cars = build_fleet(world, options.cars, conditions, settings, options.seed)
+        cars = build_fleet(world, options.cars, conditions, settings, options.seed, put_back=options.put_back)
     except (ValueError, OSError) as error:
         raise SimUsageError(str(error)) from None
     try:

@@ -16,12 +16,10 @@ from wallride.sim.car.vehicle import Vehicle
 from wallride.sim.devices.scip import ScipEmulator
 from wallride.sim.devices.vesc import VescEmulator
 from wallride.sim.live.scenes import WorldScene
-from wallride.sim.live.session import STAMP_MS, STEP_S, SessionError
+from wallride.sim.live.session import AGAIN_S, STAMP_MS, STEP_S, SessionError
 from wallride.sim.live.stop_request import StopRequest
 
 HOST: Final = "127.0.0.1"
-AGAIN_S: Final = 3.0
-"""Time after which a car that hit something stands at its start again."""
 LIDAR: Final = "lidar"
 VESC: Final = "vesc"
 
@@ -77,13 +75,7 @@ class EmulatedCar:
             plant = Plant(self._vehicle, self.vesc, self._wiring, begin_s)
             timer = PeriodicTimer(time.monotonic)
             timer.every(STEP_S, lambda _late_s, _missed: self._step(plant, time.monotonic() - begin_s))
-
-            def put_back(_late_s: float, _missed: int) -> None:
-                if plant.crashed:
-                    self._vehicle.place(start)
-                    plant.crashed = False
-
-            timer.every(AGAIN_S, put_back)
+            timer.every(AGAIN_S, lambda _late_s, _missed: plant.put_back(start))
             going_on = asyncio.create_task(timer.run(), name="world")
             tell(addresses)
             while time.monotonic() - begin_s < duration_s and not stop.asked:

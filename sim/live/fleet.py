@@ -48,7 +48,9 @@ class SimulatedCar:
         return self.session.record
 
 
-def build_fleet(world: World, count: int, conditions: Conditions, settings: Settings, seed: int) -> list[SimulatedCar]:
+def build_fleet(
+    world: World, count: int, conditions: Conditions, settings: Settings, seed: int, *, put_back: bool
+) -> list[SimulatedCar]:
     """Return the cars car1 to carN at their starts; ValueError when the world has no place for them."""
     vehicles = [Vehicle(conditions.vehicle, pose) for pose in starts(world, count, settings)]
     all_ready, side, things = asyncio.Barrier(count), settings.wall_follow.side, conditions.things()
@@ -56,6 +58,7 @@ def build_fleet(world: World, count: int, conditions: Conditions, settings: Sett
     for k, vehicle in enumerate(vehicles):
         own_world = replace(world, start=vehicle.pose)
         scene = WorldScene(own_world, side, conditions.lidar, None, seed + k, things)
+        scene.back_to = vehicle.pose if put_back else None
         scene.surroundings = TrafficWorld(own_world, things, [other for other in vehicles if other is not vehicle])
         session = SimulatorSession(scene, vehicle, settings.motor, desired_m=settings.wall_follow.desired_distance_m)
         session.join(all_ready.wait)
@@ -145,7 +148,7 @@ def _figures(car: SimulatedCar) -> dict[str, Any]:
     status = record.telemetry.get("status")
     return {
         **record.sums.figures(),
-        "contacts": int(car.scene.collided),
+        "contacts": car.scene.contacts,
         "laps": len(car.scene.lap_times_s),
         "lap_times_s": car.scene.lap_times_s,
         "scan_to_motor_ms": record.latency.summary_ms(),

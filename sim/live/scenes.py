@@ -19,13 +19,17 @@ from wallride.sim.world.lap import LapCounter
 from wallride.sim.world.obstacles import Obstacle
 from wallride.sim.world.obstacles import ObstacleWorld as Surroundings
 from wallride.sim.world.place import World
-from wallride.sim.world.pose import Floats, Side, Twist
+from wallride.sim.world.pose import Floats, Pose, Side, Twist
 
 AFTER_CRASH_S = 0.5
 
 
 class WorldScene:
-    """World with the car in it; ends after the requested laps, or shortly after a crash."""
+    """World with the car in it; ends after the requested laps, or shortly after a crash.
+
+    back_to: where a car that touched something is put, and the drive goes on; None: a crash ends it.
+    contacts: number of times that it touched something.
+    """
 
     model = UST_10LX
 
@@ -43,7 +47,11 @@ class WorldScene:
         self._counter = LapCounter(world.lap) if world.lap is not None else None
         self._lap_started_s = 0.0
         self._crashed_s: float | None = None
+        self._touches = False
+        self._laps_before = 0
         self._time_s = 0.0
+        self.back_to: Pose | None = None
+        self.contacts = 0
         self.lap_times_s: list[float] = []
 
     @property
@@ -54,14 +62,14 @@ class WorldScene:
     @property
     def finished(self) -> bool:
         """Return whether all laps are done, or the car crashed a moment ago."""
-        if self._crashed_s is not None:
+        if self._crashed_s is not None and self.back_to is None:
             return self._time_s - self._crashed_s > AFTER_CRASH_S
         return self._wanted_laps is not None and len(self.lap_times_s) >= self._wanted_laps
 
     @property
     def ending(self) -> str:
         """Return why the drive has ended."""
-        return "the car touched something" if self.collided else "its laps are done"
+        return "the car touched something" if self.collided and self.back_to is None else "its laps are done"
 
     def step(self, time_s: float, vehicle: Vehicle) -> bool:
         """Observe the car; count laps and detect contact."""
@@ -71,7 +79,13 @@ class WorldScene:
         contact = self.surroundings.collides(pose)
         if contact and self._crashed_s is None:
             self._crashed_s = time_s
-        if self._counter is not None and self._counter.update(pose.x_m, pose.y_m) >= len(self.lap_times_s) + 1:
+        self.contacts += contact and not self._touches
+        if self._touches and not contact:  # it was put back
+            self._counter = LapCounter(self.world.lap) if self.world.lap is not None else None
+            self._laps_before, self._lap_started_s = len(self.lap_times_s), time_s
+        self._touches = contact
+        laps = self._counter.update(pose.x_m, pose.y_m) if self._counter is not None else 0.0
+        if laps >= len(self.lap_times_s) - self._laps_before + 1:
             self.lap_times_s.append(round(time_s - self._lap_started_s, 3))
             self._lap_started_s = time_s
         return contact
@@ -110,6 +124,7 @@ class RecordingScene:
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
+        self.back_to: Pose | None = None
         self.model = sensor_of(recording)
         self._position = 0
         self._ranges_mm = to_sensor_mm(recording.ranges_m, recording.range_min_m, recording.range_max_m)

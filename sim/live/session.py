@@ -29,6 +29,7 @@ from wallride.sim.live.live_conditions import LiveConditions
 from wallride.sim.live.record import Record
 from wallride.sim.live.runtime_process import RuntimeProcess, WallrideProcess, cpu_s_of
 from wallride.sim.live.stop_request import StopRequest
+from wallride.sim.world.pose import Pose
 
 FAREWELL = "farewell"
 STEP_S = 0.005
@@ -72,6 +73,11 @@ class LidarScene(Protocol):
         """Return the model of the sensor."""
         ...
 
+    @property
+    def back_to(self) -> Pose | None:
+        """Return where a car that hit something is put; None: it stays there."""
+        ...
+
     def step(self, time_s: float, vehicle: Vehicle) -> bool:
         """Observe the car now; True when it touches something."""
         ...
@@ -93,6 +99,10 @@ class LidarScene(Protocol):
     def ending(self) -> str:
         """Return why the drive has ended, as words after "the drive ended: "."""
         ...
+
+
+AGAIN_S = 3.0
+"""Maximum time after which a car that hit something is put back."""
 
 
 class SimulatorSession:
@@ -147,7 +157,10 @@ class SimulatorSession:
                 if self._watched and listener is not None:
                     await self._open_page(stack, folder / FAREWELL)
                 timer = PeriodicTimer(time.monotonic)
-                timer.every(STEP_S, self._stepper(scip, self._plant(vesc)))
+                plant = self._plant(vesc)
+                timer.every(STEP_S, self._stepper(scip, plant))
+                if (start_at := self._scene.back_to) is not None:
+                    timer.every(AGAIN_S, lambda _late_s, _missed: plant.put_back(start_at))
                 timer.every(SHOW_S, lambda _late_s, _missed: on_frame(record))
                 going_on = tasks.create_task(timer.run(), name="world")
                 summing = tasks.create_task(self._sum_up(listener), name="sums")

@@ -1,0 +1,34 @@
+"""`wallride sim --put-back`: a contact puts the car back to its start, and the drive goes on."""
+
+import pytest
+
+from tests.sim.car.test_inertia import WIRING, Controller
+from wallride.sim.car.plant import Plant
+from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.live.scenes import WorldScene
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.worlds import load_world
+
+
+@pytest.mark.parametrize("puts_back", [False, True])
+def test_a_contact_ends_the_drive_or_puts_the_car_back(puts_back):
+    world = load_world("dead_end", side="left")
+    vehicle = Vehicle(pose=world.start)
+    scene = WorldScene(world, "left", LidarSettings(), None, 0)
+    scene.back_to = world.start if puts_back else None
+    plant = Plant(vehicle, Controller(2.0, 0.0), WIRING, 0.0)
+    touched_s = []
+    for step in range(1, 4000):
+        plant.advance(step / 200)
+        if scene.step(step / 200, vehicle):
+            plant.crash()
+            touched_s.append(step / 200)
+            if len(touched_s) % 200 == 0 and puts_back:
+                plant.put_back(world.start)
+    assert scene.collided
+    assert scene.finished is not puts_back
+    assert scene.contacts == 1 if not puts_back else scene.contacts >= 2
+    if puts_back:
+        plant.put_back(world.start)
+        scene.step(20.0, vehicle)
+        assert not world.collides(vehicle.pose)
