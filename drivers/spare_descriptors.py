@@ -46,3 +46,12 @@ def check(descriptor: int) -> int:
     if descriptor >= MAX_WATCHED:
         raise OSError(errno.EMFILE, f"descriptor {descriptor} is beyond the {MAX_WATCHED} that select() watches")
     return descriptor
+
+
+def none_left() -> bool:
+    """Return whether the process has no free descriptor, so that the kernel lets it accept no connection."""
+    try:
+        os.close(os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC))
+    except OSError as error:
+        return error.errno in {errno.EMFILE, errno.ENFILE}
+    return False

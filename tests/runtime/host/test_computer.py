@@ -4,11 +4,12 @@ import asyncio
 import errno
 import math
 import os
+import resource
 
 import pytest
 
 from wallride.runtime.host.computer import HOT_C, read_computer
-from wallride.runtime.tasks.computer import ComputerWatch
+from wallride.runtime.tasks.computer import NO_DESCRIPTOR, ComputerWatch
 
 
 class Tree:
@@ -94,6 +95,19 @@ def test_without_a_descriptor_the_computer_says_nothing(tree, monkeypatch):
 
     monkeypatch.setattr(os, "scandir", none_left)
     assert math.isnan(read_computer(tree.root).temperature_c)
+
+
+def test_used_up_descriptors_are_counted_and_named_when_they_begin(tree, caplog):
+    watch = ComputerWatch(lambda: read_computer(tree.root))
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    for most in (soft, 0, 0, soft):
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
+        try:
+            watch.look_at_descriptors()
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+    assert watch.status()["refusing"] == 2
+    assert [record.message for record in caplog.records] == [NO_DESCRIPTOR]
 
 
 async def test_the_watch_reads_by_itself(tree):

@@ -177,6 +177,9 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(PROCESS, "SIGKILL", "the controller's timeout brakes", "restart by systemd, permit again",
           SYSTEM + "test_after_kill_9_the_vescs_own_timeout_stops_the_car", ("9",), HARD_S),
     Fault(PROCESS, "no descriptors left", "brake; the devices' own are kept back", SELF, INJECTED, (), SOFT_S),
+    Fault(PROCESS, "no descriptors left for connections", "drives on; counted (`computer.refusing`), said", "-",
+          "tests/runtime/host/test_computer.py::"
+          "test_used_up_descriptors_are_counted_and_named_when_they_begin"),
     Fault(PROCESS, "no memory left", "brake; connects again once there is memory", SELF, INJECTED, (), SOFT_S),
     Fault(PROCESS, "clock jumps a day", "drives on by the monotonic clock; stamps follow", "never stops", INJECTED, (),
           GAP_S),
