@@ -25,7 +25,7 @@ LISTS = {
         SENT, PUBLISHED,
     ),
     "PERIODS_S in runtime/recording/recorder.py": (set(PERIODS_S) | {topics.SCAN}, PUBLISHED),
-    "MEANINGS in wallride/reference.py": (set(reference.MEANINGS), PUBLISHED | {topics.BEAT}),
+    "MEANINGS in wallride/reference": (set(reference.MEANINGS), PUBLISHED | {topics.BEAT}),
     "FIELDS in clients/plot.py (or WITHOUT_NUMBER of this test)": (
         set(FIELDS) | WITHOUT_NUMBER, PUBLISHED | {topics.BEAT},
     ),

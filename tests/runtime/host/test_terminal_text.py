@@ -10,7 +10,7 @@ from wallride.runtime.host.terminal_text import CLEAR_SCREEN, one_line, say
 
 ROOT = Path(__file__).resolve().parents[3]
 PRINTS_OF_ITS_OWN = {
-    "wallride/reference.py", "wallride/new/options.py", "wallride/cli.py", "wallride/logs_options.py",
+    "wallride/reference/__init__.py", "wallride/new/options.py", "wallride/cli.py", "wallride/logs_options.py",
     "wallride/bringup/doctor_options.py", "wallride/bringup/import_options.py", "wallride/report_options.py",
     "runtime/host/terminal_text.py", "runtime/kernel/__main__.py",
 }  # fmt: skip

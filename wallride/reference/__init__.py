@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from wallride.cli import build_parser
+from wallride.reference.wire import wire_sections
 from wallride.runtime.arbitration.driving_state import (
     BATTERY_CLEARED_BY,
     CLEARED_BY,
@@ -29,7 +30,7 @@ from wallride.runtime.settings.telemetry import RatesHz
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.wire import topics
 
-FOLDER: Final = Path(__file__).resolve().parents[1] / "docs" / "reference"
+FOLDER: Final = Path(__file__).resolve().parents[2] / "docs" / "reference"
 COMMAND: Final = "python -m wallride.reference"
 HEAD: Final = f"<!-- Written by `{COMMAND}`: edit the code, not this page. -->\n"
 EVERY_HZ: Final = 200.0
@@ -56,7 +57,7 @@ MEANINGS: Final[Mapping[str, str]] = {
 }
 OWN_TYPES: Final[Mapping[str, str]] = {
     **dict.fromkeys(topics.JSON_TOPICS, "JSON object"),
-    topics.BEAT: "binary, 55 bytes (`runtime/wire/teleop.py`)",
+    topics.BEAT: "binary, 55 bytes, below",
 }
 OWN_RATES: Final[Mapping[str, str]] = {
     topics.BEAT: "`operator.beat_hz`; a third of it while no operator is heard",
@@ -185,6 +186,7 @@ def topics_page() -> str:
         "`alive` and `operator/alive/SESSION` are liveliness tokens: present while a car, or an operator, is there.",
         "Time stamps in JSON are seconds on the car's monotonic clock; a number that does not exist is `null`.",
         "",
+        *wire_sections(),
     ]
     return "\n".join(lines)
 
@@ -299,7 +301,3 @@ def main() -> None:
     for name, text in pages().items():
         (FOLDER / name).write_text(text, encoding="utf-8")
         print(f"docs/reference/{name}")
-
-
-if __name__ == "__main__":
-    main()
