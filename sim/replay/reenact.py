@@ -293,7 +293,12 @@ class _Ranges:
     """Recorded scans by their numbers, decoded on demand. missing: number of requested scans that are not recorded."""
 
     def __init__(self, log: DriveLog) -> None:
-        self._messages = {message.sequence: message for message in log.of(topics.SCAN)}
+        scans = list(log.of(topics.SCAN))
+        self._messages = {message.sequence: message for message in scans}
+        if len(self._messages) == 1 < len(scans):
+            raise RecordingError(
+                "its scans have lost their numbers, as in a copy that another program converted: take the original"
+            )
         self.missing = 0
 
     def of(self, sequence: int, beams: int) -> "np.ndarray[Any, np.dtype[np.float32]] | None":

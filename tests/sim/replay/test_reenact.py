@@ -1,7 +1,9 @@
 """The same code decides the same; another setting is found at the first scan that it changes."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -13,10 +15,11 @@ from wallride.runtime.recording.decision_log import DecisionEvent
 from wallride.runtime.recording.disk import RealDisk
 from wallride.runtime.recording.mcap_file import McapFile
 from wallride.runtime.settings.tree import SettingsError
+from wallride.runtime.wire import topics
 from wallride.sim.recordings import RecordingError
 from wallride.sim.replay.difference import CLOSE
 from wallride.sim.replay.drive_log import read_log
-from wallride.sim.replay.reenact import events_of, reenact
+from wallride.sim.replay.reenact import _Ranges, events_of, reenact
 
 
 def test_a_simulated_drive_is_decided_identically(dead_end):
@@ -171,3 +174,10 @@ def rewritten(path, folder, *, leave_out=lambda message: False, change=lambda pa
             file.add(channels.RecordMessage(message.topic, schema, message.stamp_ns, payload, message.sequence))
     file.close()
     return copy
+
+
+def test_a_converted_copy_in_which_scans_have_no_numbers_is_refused(dead_end):
+    scans = read_log(dead_end).of(topics.SCAN)
+    copy = SimpleNamespace(of=lambda _topic: [replace(scan, sequence=0) for scan in scans])
+    with pytest.raises(RecordingError, match="another program converted: take the original"):
+        _Ranges(copy)
