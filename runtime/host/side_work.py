@@ -1,4 +1,4 @@
-"""Work that neither decides nor drives: an error in it is counted, named and tried again, and never ends a drive.
+"""Work that neither decides nor drives: an error in it is counted, named and tried again, and ends no drive.
 
 Telemetry, learning, files, what is shown: all that runs beside the way from the lidar's bytes to the motor's.
 """
@@ -42,11 +42,16 @@ class SideWork:
         self._log.log(name, f"{name} failed, the drive goes on: {text}", logging.ERROR)
 
     def guarded(self, name: str, call: Callable[P, object]) -> Callable[P, None]:
-        """Return a call that notes an error instead of raising it."""
+        """Return a call that notes an error instead of raising it.
+
+        Without memory the drive ends in order: soon numpy or the interpreter would crash, and then nothing brakes.
+        """
 
         def guarded(*args: P.args, **kwargs: P.kwargs) -> None:
             try:
                 call(*args, **kwargs)
+            except MemoryError:
+                raise
             except Exception as error:  # noqa: BLE001 - whatever it is, it must not end the drive
                 self.note(name, error)
 

@@ -15,6 +15,7 @@ from tests.promises import promise
 from tests.runtime.recording.drives import Drive
 from wallride.runtime import launch
 from wallride.runtime.host import logging_setup
+from wallride.runtime.host.side_work import SideWork
 from wallride.runtime.recording import recorder
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.virtual.virtual_time import run_virtual
@@ -177,3 +178,13 @@ async def test_a_drive_without_memory_ends_with_a_sentence(caplog):
 def test_an_error_beside_the_want_of_memory_is_shown_whole():
     with pytest.raises(ExceptionGroup), launch.ending_without_memory():
         raise ExceptionGroup("", [MemoryError(), ValueError()])
+
+
+def test_learning_without_memory_ends_the_drive_before_the_interpreter_crashes():
+    def learn():
+        raise MemoryError
+
+    side_work = SideWork(lambda: 0.0)
+    with pytest.raises(SystemExit), launch.ending_without_memory():
+        side_work.guarded("learning", learn)()
+    assert side_work.words == ()

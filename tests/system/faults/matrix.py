@@ -192,6 +192,9 @@ MATRIX: Final[Sequence[Fault]] = (
           "test_a_stamp_beyond_ros_2s_32_bits_is_their_last"),
     Fault(PROCESS, "no memory for what decides or drives", "brake; ends with a sentence, closes its recording",
           "restart by systemd", "tests/runtime/test_launch.py::test_a_drive_without_memory_ends_with_a_sentence"),
+    Fault(PROCESS, "no memory for what learns", "the same, before numpy crashes", "restart by systemd",
+          "tests/runtime/test_launch.py::"
+          "test_learning_without_memory_ends_the_drive_before_the_interpreter_crashes"),
     Fault(PROCESS, "no memory for a thread", "brake; ends in time by the kernel's timer", "restart by systemd",
           "tests/runtime/test_launch.py::test_a_process_whose_end_hangs_is_ended"),
     Fault(PROCESS, "disk full", "drives and brakes on; the recording says so", SELF, INJECTED, (), SOFT_S),
