@@ -1,11 +1,13 @@
-"""State of an emergency from scan to scan: the past wheel angles and the active manoeuvre."""
+"""State of an emergency from scan to scan: the active manoeuvre."""
 
 import math
 from collections import deque
 from dataclasses import replace
+from typing import Self
 
 import numpy as np
 
+from wallride.drivers.value import value
 from wallride.runtime.control.perception.geometry import Floats, any_nearer
 from wallride.runtime.control.safety.body import LOOK_SPARE_M
 from wallride.runtime.control.safety.emergency_manoeuvre import (
@@ -24,7 +26,6 @@ from wallride.runtime.control.safety.swept_path import Strip
 
 PAST_S = 0.3
 """Length of the history of wheel angles: earlier angles have no effect on the tyres now."""
-KEPT_ANGLES = 64
 FORGOTTEN_AFTER_S = 0.1
 """Maximum time without a request after which a manoeuvre is over: the driver stood, or backed."""
 MAX_SPEED_MPS = 30.0
@@ -43,28 +44,23 @@ TURNS_ON_M = 0.2
 MAX_BRAKE_MPS2 = 2.0 * GRAVITY_MPS2
 
 
+@value()
 class Emergency:
-    """Chooses a manoeuvre at every scan of an emergency, and keeps it for the next.
+    """What is kept of an emergency from scan to scan: a value, of which each step returns the next.
 
-    Its fields are immutable values, replaced and never changed in place: a shallow copy is a whole one.
-
-    chosen: the active manoeuvre with its outcome; None while there is no emergency.
+    chosen: the active manoeuvre with its outcome; None while there is no emergency. follows_driver: whether its
+    steering is the driver's own. asked: stamp and steering that it was chosen for. doubted: the same of the last turn
+    that was rolled out, and whether it was in vain.
     """
 
-    def __init__(self) -> None:
-        self.chosen: Outcome | None = None
-        self._follows_driver = False
-        self._asked: tuple[float, float] = (math.nan, math.nan)
-        self._doubted: tuple[tuple[float, float], bool] = (math.nan, math.nan), False
-        self._angles: tuple[tuple[float, float], ...] = ()
+    chosen: Outcome | None = None
+    follows_driver: bool = False
+    asked: tuple[float, float] = (math.nan, math.nan)
+    doubted: tuple[tuple[float, float], bool] = ((math.nan, math.nan), False)
 
-    def note(self, stamp_s: float, wheel_rad: float) -> None:
-        """Record the commanded wheel angle at a scan."""
-        self._angles = (*self._angles[1 - KEPT_ANGLES :], (stamp_s, wheel_rad if math.isfinite(wheel_rad) else 0.0))
-
-    def end(self) -> None:
-        """End the emergency and return the car to its driver."""
-        self.chosen = None
+    def ended(self) -> "Emergency":
+        """Return the state after the emergency, with the car returned to its driver."""
+        return self if self.chosen is None else replace(self, chosen=None)
 
     @property
     def turns(self) -> bool:
@@ -76,38 +72,37 @@ class Emergency:
         """Description of the manoeuvre, one of a fixed set of texts."""
         if not self.turns:
             return "braking: wall ahead"
-        return "braking in the bend: wall ahead" if self._follows_driver else "swerving: wall ahead"
+        return "braking in the bend: wall ahead" if self.follows_driver else "swerving: wall ahead"
 
     @property
     def steering_rad(self) -> float | None:
         """Steering angle imposed by the manoeuvre; None where the driver keeps the steering."""
-        return None if self.chosen is None or self._follows_driver else self.chosen.manoeuvre.steering_rad
+        return None if self.chosen is None or self.follows_driver else self.chosen.manoeuvre.steering_rad
 
-    def decide(self, strip: Strip, wish_rad: float, stamp_s: float) -> Outcome:
-        """Return the manoeuvre for this scan; idempotent for the same scan and steering.
+    def decided(self, strip: Strip, wish_rad: float, stamp_s: float) -> "Emergency":
+        """Return the state with the manoeuvre for this scan; the same for the same scan and steering.
 
         wish_rad: the driver's own steering; a manoeuvre that uses it follows its changes.
         """
-        if self.chosen is not None and self._asked == (stamp_s, wish_rad):
-            return self.chosen
-        if stamp_s - self._asked[0] > FORGOTTEN_AFTER_S:
-            self.end()
-        kept = FULL_BRAKE if self.chosen is None else self.chosen.manoeuvre
-        if self._follows_driver and kept != FULL_BRAKE:
+        if self.chosen is not None and self.asked == (stamp_s, wish_rad):
+            return self
+        active = None if stamp_s - self.asked[0] > FORGOTTEN_AFTER_S else self.chosen
+        kept = FULL_BRAKE if active is None else active.manoeuvre
+        if self.follows_driver and kept != FULL_BRAKE:
             kept = Manoeuvre(wish_rad, kept.brake_mps2)
-        situation = self._situation(strip, stamp_s)
+        situation = _situation(strip, stamp_s, active)
         body = strip.body
         most_rad, gentle_share = body.car.max_steering_rad, body.settings.gentle_share
         tried = candidates(wish_rad, most_rad, situation.grips_mps2, gentle_share)
         if kept not in tried:
             tried.insert(1, kept)
-        self.chosen = best_of(situation, tried, kept, wish_rad)
-        self._follows_driver = self.chosen.manoeuvre.steering_rad == wish_rad
-        self._asked = stamp_s, wish_rad
-        return self.chosen
+        chosen = best_of(situation, tried, kept, wish_rad)
+        return Emergency(chosen, chosen.manoeuvre.steering_rad == wish_rad, (stamp_s, wish_rad), self.doubted)
 
-    def turns_in_vain(self, strip: Strip, wish_rad: float, stamp_s: float) -> bool:
+    def turns_in_vain(self, strip: Strip, wish_rad: float, stamp_s: float) -> tuple[bool, "Emergency"]:
         """Return whether the driver's turn may collide clearly harder than a full brake now, which is too late soon.
+
+        The state returned keeps the answer for the next judgement of this scan.
 
         Two turns are judged. The swept path of a turn that has just begun is too short: tyres and body follow the
         wheels with a delay. The swept path of a bend that binds the car is too tight on a slippery floor: tyres lose
@@ -115,18 +110,18 @@ class Emergency:
         back (`reversal`).
         """
         if self.chosen is not None or strip.speed_mps < strip.body.settings.doubtful_mps:
-            return False
-        before_rad = self._angles[max(0, len(self._angles) - SUDDEN_SCANS)][1]
+            return False, self
+        before_rad = strip.past_rad[max(0, len(strip.past_rad) - SUDDEN_SCANS)][1]
         sudden = abs(wish_rad - before_rad) >= SUDDEN_RAD
         bound = strip.needs_grip(wish_rad, strip.speed_mps, BOUND_SHARE * strip.body.slippery_mps2)
         if not (sudden or bound) or min(wish_rad * before_rad, 0.0) <= -(SUDDEN_RAD**2) or _stops_later(strip):
-            return False
+            return False, self
         if not sudden and _passes_wide(strip, wish_rad):
-            return False
-        if self._doubted[0] != (stamp_s, wish_rad):
-            last_moment = _is_last_moment(self._situation(strip, stamp_s), wish_rad, NARROW_M if bound else 0.0)
-            self._doubted = (stamp_s, wish_rad), last_moment
-        return self._doubted[1]
+            return False, self
+        if self.doubted[0] == (stamp_s, wish_rad):
+            return self.doubted[1], self
+        in_vain = _is_last_moment(_situation(strip, stamp_s), wish_rad, NARROW_M if bound else 0.0)
+        return in_vain, replace(self, doubted=((stamp_s, wish_rad), in_vain))
 
     def may_release(self, strip: Strip, wish_rad: float, stamp_s: float) -> bool:
         """Return whether the driver's bend without a brake has NARROW_M of room on every floor, or the car is slow.
@@ -136,60 +131,59 @@ class Emergency:
         """
         if strip.speed_mps < strip.body.settings.doubtful_mps:
             return True
-        (turn,) = self._situation(strip, stamp_s).predict([Manoeuvre(wish_rad, 0.0)])
+        (turn,) = _situation(strip, stamp_s, self.chosen).predict([Manoeuvre(wish_rad, 0.0)])
         return turn.is_free and turn.room_m >= NARROW_M
 
-    def slow_in_bend(self, strip: Strip, wish_rad: float, stamp_s: float) -> bool:
-        """Brake in the driver's bend with the grip left of a slippery floor; return whether that is collision-free.
+    def slowed_in_bend(self, strip: Strip, wish_rad: float, stamp_s: float) -> Self | None:
+        """Return the state with a brake in the driver's bend by the grip left of a slippery floor; None if it hits.
 
         For a driver too fast for the obstacle ahead, in a bend that needs so much grip that the motor must not
         decelerate in it.
         """
-        situation = self._situation(strip, stamp_s)
+        situation = _situation(strip, stamp_s, self.chosen)
         slippery_mps2 = min(situation.grips_mps2)
         bend_per_m = math.tan(wish_rad) / strip.body.car.wheelbase_m
         gentle_mps2 = strip.body.settings.gentle_share * slippery_mps2
         left_mps2 = brake_beside_turning_mps2(strip.speed_mps, bend_per_m, slippery_mps2)
         tried = [Manoeuvre(wish_rad, brake_mps2) for brake_mps2 in (max(left_mps2, gentle_mps2), gentle_mps2)]
         free = next((outcome for outcome in situation.predict(tried) if outcome.is_free), None)
-        if free is None:
-            return False
-        self.chosen, self._follows_driver, self._asked = free, True, (stamp_s, wish_rad)
-        return True
+        return None if free is None else replace(self, chosen=free, follows_driver=True, asked=(stamp_s, wish_rad))
 
-    def _situation(self, strip: Strip, stamp_s: float) -> EmergencyState:
-        body, car = strip.body, strip.body.car
-        brake_mps2 = 0.0 if self.chosen is None else min(self.chosen.manoeuvre.brake_mps2, MAX_BRAKE_MPS2)
-        start = RolloutStart(
-            min(max(0.0, strip.speed_mps), MAX_SPEED_MPS),
-            brake_mps2,
-            strip.latency_s,
-            car.steering_rate_radps,
-            car.wheelbase_m,
-            body.settings.cornering_per_rad,
-            car.front_m,
-            car.rear_m,
-            car.half_width_m,
-        )
-        grips_mps2 = body.grip_mps2, body.slippery_mps2
-        way_m = stopping_distance_m(start.speed_mps, start.latency_s, body.slippery_mps2)
-        points_m = strip.points_around_m(way_m + car.front_m + LOOK_SPARE_M)
-        points_m = points_m[~body.bare.holds(points_m)]  # points inside the outline are the car itself, or dirt
-        return EmergencyState(start, points_m, grips_mps2, *self._wheels_rad(strip, stamp_s))
 
-    def _wheels_rad(self, strip: Strip, stamp_s: float) -> tuple[Floats, Floats]:
-        """Return the wheel angles at each past step and during the latency; commands act after the actuation delay."""
-        steps = round(PAST_S / STEP_S)
-        first_s = stamp_s - strip.body.settings.actuation_s - STEP_S * (steps - 1)
-        recent: deque[tuple[float, float]] = deque()
-        for noted in reversed(self._angles):
-            recent.appendleft(noted)
-            if noted[0] <= first_s:
-                break
-        stamps_s, angles_rad = np.array(recent).reshape(-1, 2).T
-        told_s = first_s + STEP_S * np.arange(steps + math.ceil(strip.latency_s / STEP_S))
-        wheels_rad = np.interp(told_s, stamps_s, angles_rad)
-        return wheels_rad[:steps], wheels_rad[steps:]
+def _situation(strip: Strip, stamp_s: float, active: Outcome | None = None) -> EmergencyState:
+    body, car = strip.body, strip.body.car
+    brake_mps2 = 0.0 if active is None else min(active.manoeuvre.brake_mps2, MAX_BRAKE_MPS2)
+    start = RolloutStart(
+        min(max(0.0, strip.speed_mps), MAX_SPEED_MPS),
+        brake_mps2,
+        strip.latency_s,
+        car.steering_rate_radps,
+        car.wheelbase_m,
+        body.settings.cornering_per_rad,
+        car.front_m,
+        car.rear_m,
+        car.half_width_m,
+    )
+    grips_mps2 = body.grip_mps2, body.slippery_mps2
+    way_m = stopping_distance_m(start.speed_mps, start.latency_s, body.slippery_mps2)
+    points_m = strip.points_around_m(way_m + car.front_m + LOOK_SPARE_M)
+    points_m = points_m[~body.bare.holds(points_m)]  # points inside the outline are the car itself, or dirt
+    return EmergencyState(start, points_m, grips_mps2, *_wheels_rad(strip, stamp_s))
+
+
+def _wheels_rad(strip: Strip, stamp_s: float) -> tuple[Floats, Floats]:
+    """Return the wheel angles at each past step and during the latency; commands act after the actuation delay."""
+    steps = round(PAST_S / STEP_S)
+    first_s = stamp_s - strip.body.settings.actuation_s - STEP_S * (steps - 1)
+    recent: deque[tuple[float, float]] = deque()
+    for noted in reversed(strip.past_rad):
+        recent.appendleft(noted)
+        if noted[0] <= first_s:
+            break
+    stamps_s, angles_rad = np.array(recent).reshape(-1, 2).T
+    told_s = first_s + STEP_S * np.arange(steps + math.ceil(strip.latency_s / STEP_S))
+    wheels_rad = np.interp(told_s, stamps_s, angles_rad)
+    return wheels_rad[:steps], wheels_rad[steps:]
 
 
 def _stops_later(strip: Strip) -> bool:

@@ -8,7 +8,7 @@ steering away from a driver that means it, but with the graded limit, so that a 
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 WAVERS_S = 0.3
 """Duration for which the given-up side counts: the servo needs 0.21 s from end to end, the car's response 0.07 s."""
@@ -18,27 +18,30 @@ LAST_WISH_S = 0.3
 """Maximum age of the previous command; an older one was given up long ago, or was another source's."""
 
 
-@dataclass(slots=True)
-class SteeringReversal:
-    """Tracks the steering command, since when it is on its side, and the side that was given up."""
+class SteeringReversal(NamedTuple):
+    """The last steering command, since when it is on its side, and the side that was given up, which counts until_s."""
 
-    _wish_rad: float = math.nan
-    _wished_s: float = -math.inf
-    _since_s: float = -math.inf
-    _given_up_rad: float = math.nan
-    _until_s: float = -math.inf
+    wish_rad: float = math.nan
+    wished_s: float = -math.inf
+    since_s: float = -math.inf
+    given_up_rad: float = math.nan
+    until_s: float = -math.inf
 
-    def given_up_rad(self, steering_rad: float, now_s: float, jump_rad: float) -> float | None:
-        """Record a steering command; return the one on the other side that it has recently replaced, None without one.
+    def after(self, steering_rad: float, now_s: float, jump_rad: float) -> "SteeringReversal":
+        """Return the state after a steering command.
 
         jump_rad: angle by which the wheels can turn before the car responds; a smaller change of side is mere steering.
         """
-        if now_s - self._wished_s > LAST_WISH_S:
-            self._since_s = now_s
-        elif self._wish_rad * steering_rad < 0.0 and abs(steering_rad - self._wish_rad) > jump_rad:
-            if now_s - self._since_s >= MEANT_S:
-                self._given_up_rad, self._until_s = self._wish_rad, now_s + WAVERS_S
-            self._since_s = now_s
-        self._wish_rad, self._wished_s = steering_rad, now_s
-        wavers = now_s < self._until_s and self._given_up_rad * steering_rad < 0.0
-        return self._given_up_rad if wavers else None
+        _, _, since_s, given_up_rad, until_s = self
+        if now_s - self.wished_s > LAST_WISH_S:
+            since_s = now_s
+        elif self.wish_rad * steering_rad < 0.0 and abs(steering_rad - self.wish_rad) > jump_rad:
+            if now_s - since_s >= MEANT_S:
+                given_up_rad, until_s = self.wish_rad, now_s + WAVERS_S
+            since_s = now_s
+        return SteeringReversal(steering_rad, now_s, since_s, given_up_rad, until_s)
+
+    @property
+    def wavers(self) -> bool:
+        """Whether the last command has recently replaced given_up_rad, on the other side."""
+        return self.wished_s < self.until_s and self.given_up_rad * self.wish_rad < 0.0

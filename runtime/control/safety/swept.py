@@ -5,9 +5,9 @@ the stopping distance (`stopping`). Two limits: a graded one, which brakes gentl
 held for a moment. Formulas: docs/laws.md; figures: benchmarks/laws.md.
 """
 
-import copy
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,6 +47,7 @@ UNTOLD_S = 0.25
 to tell one takes this long."""
 NEEDY_SHARE = 0.7
 """Share of a slippery floor's grip above which a bend leaves too little for the deceleration by the motor."""
+KEPT_ANGLES = 64
 EDGE_M = 0.05
 """Maximum depth by which an object beside the car, not ahead of it, reaches into the strip."""
 CLEAR = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "clear")
@@ -54,24 +55,17 @@ UNSEEN = "the lidar sees nothing ahead"
 ON_LIDAR = Verdict(0.0, 0.0, "something on the lidar: uncover it")
 
 
-@dataclass(slots=True)
-class SweptMemory:
-    """All that a judgement writes, from scan to scan. Nothing else that it reaches may be written.
+class SweptMemory(NamedTuple):
+    """All that a judgement remembers, from scan to scan: a value, of which each judgement returns the next.
 
-    held_until_s: end of the hold of a hard stop. slid_s: last scan with locked wheels. wary_until_s: end of the wary
-    period.
+    held_until_s: end of the hold of a hard stop. wary_until_s: end of the wary period.
     """
 
     held_until_s: float = -math.inf
-    slid_s: float = -math.inf
     braking: bool = False
     wary_until_s: float = -math.inf
-    reversal: SteeringReversal = field(default_factory=SteeringReversal)
-    emergency: Emergency = field(default_factory=Emergency)
-
-    def copied(self) -> "SweptMemory":
-        """Return a copy of all of it: the fields, and theirs, are immutable values."""
-        return replace(self, reversal=copy.copy(self.reversal), emergency=copy.copy(self.emergency))
+    reversal: SteeringReversal = SteeringReversal()
+    emergency: Emergency = Emergency()
 
 
 class SweptGuard:
@@ -79,7 +73,8 @@ class SweptGuard:
 
     clock: where given, the scan's age is measured at every judgement, else taken as it was when the scan arrived.
     health: state of the lidar's window.
-    assessment: the last assessment, None before the first scan. stuck_reason: reason reported for a car that cannot
+    memory: what the judgements of commands that were sent have left. assessment: the last one, None before the first
+    scan. stuck_reason: reason reported for a car that cannot
     continue and has no way out; "" while it has one.
     """
 
@@ -109,6 +104,8 @@ class SweptGuard:
         self._eyes = eyes
         self._odometry = Odometry(car.wheelbase_m)
         self._speed = SlidingSpeed(GRAVITY_MPS2, self.body.slippery_mps2)
+        self._slid_s = -math.inf
+        self._past_rad: tuple[tuple[float, float], ...] = ()
         self._last_m: float | None = None
         self._window = Verdict(math.inf, math.inf, self.health.reason)
         self._unlearnt: tuple[View, MotorState | None, OdometryState] | None = None
@@ -134,22 +131,25 @@ class SweptGuard:
         self.health.glance(view)
         self.visibility.look(view, pose)
         self._unlearnt = view, motor, pose
-        self.memory.emergency.note(scan.stamp_s, wheel_rad)
+        self._past_rad = (
+            *self._past_rad[1 - KEPT_ANGLES :],
+            (scan.stamp_s, wheel_rad if math.isfinite(wheel_rad) else 0.0),
+        )
         lost = motor is None or self._speed.slides
         if lost:
-            self.memory.slid_s = scan.stamp_s
+            self._slid_s = scan.stamp_s
         walkers_m = self.movers.update(view, pose, scan.stamp_s, sliding=lost)
         faint_m = self.faint.update(view, pose, scan.stamp_s)
         more_m = np.concatenate([walkers_m, faint_m]) if walkers_m.size or faint_m.size else NOWHERE
         latency_s = max(0.0, self.now_s(scan) - scan.stamp_s) + self.settings.actuation_s
-        strip = Strip(self.body, view, speed_mps, wheel_rad, latency_s, more_m, self.behind)
+        strip = Strip(self.body, view, speed_mps, wheel_rad, latency_s, more_m, self.behind, self._past_rad)
         wary = speed_mps > self.settings.doubtful_mps and scan.stamp_s < self.memory.wary_until_s
         ceiling_mps, window = self.health.ceiling_mps, self._window
         if window.forward_mps != ceiling_mps or window.reason != self.health.reason:
             window = self._window = Verdict(ceiling_mps, ceiling_mps, self.health.reason)
         if self.visibility.on_lidar:
             window = ON_LIDAR
-        self.assessment = SweptAssessment(self, self.memory, view, speed_mps, strip, window, wary)
+        self.assessment = SweptAssessment(self, view, speed_mps, strip, window, wary, self._slid_s)
         return self.assessment
 
     def _read(self, motor: MotorState | None, stamp_s: float) -> tuple[float, float, float]:
@@ -204,15 +204,18 @@ class SweptGuard:
 
 @dataclass(slots=True, eq=False)
 class SweptAssessment:
-    """Judges every drive by one scan. Repeated calls are cheap: the strip caches its sweeps."""
+    """Judges every drive by one scan. Repeated calls are cheap: the strip caches its sweeps.
+
+    slid_s: last scan with locked wheels.
+    """
 
     guard: SweptGuard
-    memory: SweptMemory
     view: View
     speed_mps: float
     strip: Strip
     window: Verdict
     wary: bool
+    slid_s: float
 
     @property
     def age_s(self) -> float:
@@ -220,25 +223,36 @@ class SweptAssessment:
         return max(0.0, self.guard.now_s(self.view.scan) - self.view.scan.stamp_s)
 
     def ask(self, speed_mps: float, steering_rad: float) -> Verdict:
-        """Return what `limit` would, on copies of all that it may write."""
-        return replace(self, memory=self.memory.copied(), strip=self.strip.copied()).limit(speed_mps, steering_rad)
+        """Return what `limit` would, with caches of its own: some sweeps depend on when they ran."""
+        return replace(self, strip=self.strip.copied()).judge(speed_mps, steering_rad, self.guard.memory)[0]
 
     def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
-        """Judge a drive about to be sent, and remember it; NaN, infinity and a speed of 0 receive the ceiling alone."""
+        """Judge a drive about to be sent, and remember it."""
+        verdict, self.guard.memory = self.judge(speed_mps, steering_rad, self.guard.memory)
+        return verdict
+
+    def judge(self, speed_mps: float, steering_rad: float, memory: SweptMemory) -> tuple[Verdict, SweptMemory]:
+        """Return the verdict on a drive, and the memory after it; changes nothing.
+
+        NaN, infinity and a speed of 0 receive the ceiling alone.
+        """
         age_s = self.age_s
         ceiling = self._ceiling(age_s)
         if ceiling.forward_mps <= 0 or not speed_mps or not math.isfinite(speed_mps + steering_rad):
-            return ceiling
+            return ceiling, memory
         steering_rad = self._possible_rad(steering_rad)
         reaction_s = age_s + self.guard.settings.actuation_s
         if speed_mps > 0:
-            verdict = self._forward(speed_mps, steering_rad, reaction_s)
-            verdict = _slower_of(verdict, self._reversal(speed_mps, steering_rad, reaction_s))
+            now_s, jump_rad = self.view.scan.stamp_s, self.guard.car.steering_rate_radps * reaction_s
+            reversal = memory.reversal.after(steering_rad, now_s, jump_rad)
+            verdict, memory = self._forward(speed_mps, steering_rad, reaction_s, memory._replace(reversal=reversal))
+            if reversal.wavers:
+                verdict = _slower_of(verdict, self._wavering(speed_mps, reversal.given_up_rad, reaction_s))
             if self.guard.visibility.suspicious:
                 verdict = _slower_of(verdict, self._unseen(speed_mps, steering_rad, reaction_s))
-            return _slower_of(verdict, ceiling)
+            return _slower_of(verdict, ceiling), memory
         verdict = self._backward(steering_rad, reaction_s)
-        return verdict if verdict.reverse_mps <= ceiling.reverse_mps else ceiling
+        return verdict if verdict.reverse_mps <= ceiling.reverse_mps else ceiling, memory
 
     def limit_of_sensing(self, speed_mps: float, steering_rad: float) -> Verdict:
         """Judge a drive by what the lidar can be trusted to show, whatever is in the way: the limit above every law.
@@ -266,54 +280,60 @@ class SweptAssessment:
             return self.window
         return Verdict(settings.doubtful_mps, settings.doubtful_mps, "the scan is late", age_s)
 
-    def _forward(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
-        body, settings, memory = self.guard.body, self.guard.settings, self.memory
+    def _forward(
+        self, wanted_mps: float, steering_rad: float, reaction_s: float, memory: SweptMemory
+    ) -> tuple[Verdict, SweptMemory]:
+        body, settings = self.guard.body, self.guard.settings
         speed_mps, look_m = max(self.speed_mps, 0.0), self._look_m(wanted_mps)
         found = self.strip.contact(steering_rad, look_m, wary=self.wary)
         now_s = self.view.scan.stamp_s
-        if not memory.braking and self.memory.emergency.turns_in_vain(self.strip, steering_rad, now_s):
-            memory.braking, memory.held_until_s = True, now_s + settings.hold_s
+        if not memory.braking:
+            memory = self._begun(steering_rad, memory)
         if found is NOTHING and not memory.braking:
-            return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
+            return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s), memory
         if found is not NOTHING and speed_mps > settings.doubtful_mps:
-            memory.wary_until_s = now_s + WARY_S
+            memory = memory._replace(wary_until_s=now_s + WARY_S)
         hard_mps2 = settings.hard_share * body.grip_for_mps2(found)
         hard_m = STOP_SPARE_M + stopping_distance_m(speed_mps, reaction_s, hard_mps2)
-        if self._brakes(found.travel_m, hard_m, steering_rad):
-            return self._standing(found) if speed_mps <= STANDING_MPS else self._emergency(found, steering_rad)
-        self.memory.emergency.end()
+        memory = self._braked(found.travel_m, hard_m, steering_rad, memory)
+        if memory.braking:
+            if speed_mps <= STANDING_MPS:
+                return self._standing(found), memory
+            memory = memory._replace(emergency=memory.emergency.decided(self.strip, steering_rad, now_s))
+            return _emergency(found, memory.emergency), memory
+        if memory.emergency.chosen is not None:
+            memory = memory._replace(emergency=memory.emergency.ended())
         if found is NOTHING:
-            return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s)
+            return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s), memory
         graded_mps = body.graded_mps(found, reaction_s)
         hastes = wanted_mps >= speed_mps > graded_mps and found.aside_m * steering_rad < 0.0
         if hastes and self._is_needy(steering_rad):
-            memory.braking = self.memory.emergency.slow_in_bend(self.strip, steering_rad, now_s)
-            if memory.braking:
-                return self._emergency(found, steering_rad)
+            slowed = memory.emergency.slowed_in_bend(self.strip, steering_rad, now_s)
+            if slowed is not None:
+                return _emergency(found, slowed), memory._replace(braking=True, emergency=slowed)
         gaining = self._gaining(steering_rad, look_m, wanted_mps, reaction_s)
-        return _slower_of(self._slower(found, graded_mps, reaction_s), gaining)
+        return _slower_of(self._slower(found, graded_mps, reaction_s), gaining), memory
+
+    def _begun(self, steering_rad: float, memory: SweptMemory) -> SweptMemory:
+        """Return the memory after an emergency may have begun by a turn in vain."""
+        now_s = self.view.scan.stamp_s
+        in_vain, emergency = memory.emergency.turns_in_vain(self.strip, steering_rad, now_s)
+        if in_vain:
+            return memory._replace(braking=True, held_until_s=now_s + self.guard.settings.hold_s, emergency=emergency)
+        return memory if emergency is memory.emergency else memory._replace(emergency=emergency)
 
     def _look_m(self, wanted_mps: float) -> float:
         """Return the look-ahead: never beyond the lidar's range, whatever speed is reported."""
         return min(self.guard.body.look_m(max(self.speed_mps, wanted_mps)), self.view.scan.range_max_m)
 
-    def _emergency(self, found: Contact, steering_rad: float) -> Verdict:
-        """Return the verdict of the emergency manoeuvre; `_brakes` decides on its end."""
-        emergency = self.memory.emergency
-        brake_mps2 = emergency.decide(self.strip, steering_rad, self.view.scan.stamp_s).manoeuvre.brake_mps2
-        return Verdict(0.0, NO_LIMIT_MPS, emergency.reason, found.travel_m, brake_mps2, emergency.steering_rad)
-
     def _is_needy(self, steering_rad: float) -> bool:
         """Return whether a bend leaves too little of a slippery floor's grip for the motor's full deceleration."""
         return self.strip.needs_grip(steering_rad, self.speed_mps, NEEDY_SHARE * self.guard.body.slippery_mps2)
 
-    def _reversal(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
+    def _wavering(self, wanted_mps: float, given_up_rad: float, reaction_s: float) -> Verdict:
         """Limit the speed so that a stop is possible on the path the driver has just given up, should it turn back."""
-        guard, now_s = self.guard, self.view.scan.stamp_s
-        other_rad = self.memory.reversal.given_up_rad(steering_rad, now_s, guard.car.steering_rate_radps * reaction_s)
-        if other_rad is None:
-            return CLEAR
-        found = self.strip.contact(other_rad, self._look_m(wanted_mps))
+        guard = self.guard
+        found = self.strip.contact(given_up_rad, self._look_m(wanted_mps))
         slow_mps = max(guard.body.graded_mps(found, reaction_s), guard.settings.creep_mps)
         return Verdict(slow_mps, NO_LIMIT_MPS, "slower: the driver wavers", found.travel_m)
 
@@ -346,23 +366,25 @@ class SweptAssessment:
             return Verdict(settings.creep_mps, NO_LIMIT_MPS, f"creeping: wall {where}", found.travel_m)
         return self._standing(found)
 
-    def _brakes(self, way_m: float, hard_m: float, steering_rad: float) -> bool:
+    def _braked(self, way_m: float, hard_m: float, steering_rad: float, memory: SweptMemory) -> SweptMemory:
         """Return whether an emergency is active: it begins at once, is held, and ends with clearance or at standstill.
 
         A car that turns past an obstacle is released as soon as its driver's bend is free, on a slippery floor too, and
         leaves grip for the motor; one whose wheels were locked, not before a person who walks into its way would be
         seen to move.
         """
-        memory, settings, now_s = self.memory, self.guard.settings, self.view.scan.stamp_s
+        settings, emergency, now_s = self.guard.settings, memory.emergency, self.view.scan.stamp_s
         if way_m < hard_m:
-            memory.braking = True
-            memory.held_until_s = now_s + settings.hold_s
-        elif memory.braking and self.memory.emergency.turns:
-            emergency = self.memory.emergency
-            memory.braking = self._is_needy(steering_rad) or not emergency.may_release(self.strip, steering_rad, now_s)
-        elif memory.braking and now_s >= max(memory.held_until_s, memory.slid_s + UNTOLD_S):
-            memory.braking = self.speed_mps > STANDING_MPS and way_m < hard_m + settings.release_m
-        return memory.braking
+            return memory._replace(braking=True, held_until_s=now_s + settings.hold_s)
+        if not memory.braking:
+            return memory
+        if emergency.turns:
+            braking = self._is_needy(steering_rad) or not emergency.may_release(self.strip, steering_rad, now_s)
+        elif now_s >= max(memory.held_until_s, self.slid_s + UNTOLD_S):
+            braking = self.speed_mps > STANDING_MPS and way_m < hard_m + settings.release_m
+        else:
+            return memory
+        return memory if braking else memory._replace(braking=False)
 
     def _standing(self, found: Contact) -> Verdict:
         reason = self.guard.stuck_reason or ("wall ahead" if self.strip.free_somewhere() else "boxed in")
@@ -399,6 +421,12 @@ class SweptAssessment:
             reason = "wall behind" if found.travel_m <= left_m else "backed far enough without seeing"
             return Verdict(NO_LIMIT_MPS, 0.0, reason, max(0.0, way_m))
         return Verdict(NO_LIMIT_MPS, min(allowed_mps, settings.reverse_mps), "backing slowly", found.travel_m)
+
+
+def _emergency(found: Contact, emergency: Emergency) -> Verdict:
+    """Return the verdict of an emergency with a manoeuvre; `_braked` decides on its end."""
+    brake_mps2 = emergency.chosen.manoeuvre.brake_mps2 if emergency.chosen is not None else math.inf
+    return Verdict(0.0, NO_LIMIT_MPS, emergency.reason, found.travel_m, brake_mps2, emergency.steering_rad)
 
 
 def _slower_of(first: Verdict, other: Verdict) -> Verdict:

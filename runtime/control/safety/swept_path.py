@@ -24,7 +24,8 @@ class Strip:
 
     speed_mps: signed. wheel_rad: current angle of the wheels. latency_s: until a new steering takes effect. more_m:
     points that the scan alone does not show, (k,): predicted places of pedestrians, and thin obstacles. behind: the
-    memory of what the lidar no longer sees.
+    memory of what the lidar no longer sees. past_rad: the wheels' angles at the last scans, with their stamps, this
+    one's last.
     """
 
     body: Body
@@ -34,6 +35,7 @@ class Strip:
     latency_s: float
     more_m: Places
     behind: RearMemory
+    past_rad: tuple[tuple[float, float], ...]
     _kept: dict[tuple[float, float, float, bool, float], Contact] = field(default_factory=dict)
     _dark: dict[tuple[float, float], bool] = field(default_factory=dict)
     _near_m: tuple[Places, Places] | None = None

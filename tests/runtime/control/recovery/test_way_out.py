@@ -284,14 +284,14 @@ def test_a_move_that_safety_refuses_is_not_planned_again(monkeypatch):
     stage = Stage(AHEAD).drive_up()
     stage.manoeuvres(lambda stage: stage.last.startswith("backing") and stage.moves)
     first = stage.advice.drive
-    limit = type(stage.assessment).limit
+    judge = type(stage.assessment).judge
 
-    def refuses(assessment, speed_mps, steering_rad):
-        verdict = limit(assessment, speed_mps, steering_rad)
+    def refuses(assessment, speed_mps, steering_rad, memory):
+        verdict, memory = judge(assessment, speed_mps, steering_rad, memory)
         refused = speed_mps * first.speed_mps > 0 and steering_rad == first.steering_rad
-        return replace(verdict, reverse_mps=0.0) if refused else verdict
+        return replace(verdict, reverse_mps=0.0) if refused else verdict, memory
 
-    monkeypatch.setattr(type(stage.assessment), "limit", refuses)
+    monkeypatch.setattr(type(stage.assessment), "judge", refuses)
     stage.manoeuvres(
         lambda stage: stage.last.startswith(("backing", "turning")) and "try 2" in stage.last and stage.moves
     )

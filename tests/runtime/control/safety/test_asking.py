@@ -59,6 +59,21 @@ def test_a_question_leaves_no_trace_and_is_answered_as_in_earnest(seed):
         assert reachable(assessment) != before, "in earnest it leaves one"
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_judge_changes_no_memory_and_answers_alike(seed):
+    remembered = 0
+    for assessment, rng in assessments(seed):
+        for drive in questions(rng):
+            memory = assessment.guard.memory
+            before = reachable(memory)
+            answers = {repr(assessment.judge(*drive, memory)) for _ in range(5)}
+            assert len(answers) == 1
+            assert assessment.guard.memory is memory
+            assert reachable(memory) == before
+            remembered += assessment.judge(*drive, memory)[1] is not memory
+    assert remembered
+
+
 def test_a_question_leaves_no_trace_under_an_own_law(law_file):
     for assessment, rng in assessments(3, f"safety.method={law_file(EASY)}"):
         before = reachable(assessment)

@@ -110,11 +110,11 @@ def test_what_stops_a_scan_later_is_not_rolled_out_and_would_not_be_braked(monke
             assessment = car.look(scan, speed_mps=speed_mps, wheel_rad=wheel_rad)
         asked.clear()
         now_s = assessment.view.scan.stamp_s
-        in_vain = car.guard.memory.emergency.turns_in_vain(assessment.strip, begun_rad + 0.2, now_s)
+        in_vain, _ = car.guard.memory.emergency.turns_in_vain(assessment.strip, begun_rad + 0.2, now_s)
         if not asked:
             skipped += 1
             assert not in_vain
-            assert not judge(car.guard.memory.emergency._situation(assessment.strip, now_s), begun_rad + 0.2)
+            assert not judge(emergency._situation(assessment.strip, now_s), begun_rad + 0.2)
         else:
             assert ahead_m < 0.6 + speed_mps**2 / 8.0
     assert 0 < skipped < 38

@@ -17,8 +17,8 @@ class Driver:
     def wishes(self, *steering_rad):
         for one_rad in steering_rad:
             self.now_s += 0.025
-            given_up_rad = self.reversal.given_up_rad(one_rad, self.now_s, JUMP_RAD)
-        return given_up_rad
+            self.reversal = self.reversal.after(one_rad, self.now_s, JUMP_RAD)
+        return self.reversal.given_up_rad if self.reversal.wavers else None
 
 
 @pytest.mark.parametrize("sign", [1, -1])
