@@ -5,20 +5,30 @@ READY := .venv/.ready
 
 KERNEL := .venv/.kernel
 
-.PHONY: sim test check kernel fuzz format book clean
+# Kept bytecode halves what tests and the processes that they start spend on imports, whatever the shell says of it.
+export PYTHONDONTWRITEBYTECODE :=
+# Tests with processes and browsers mostly wait: more of them at a time than there are cores.
+PYTEST := $(BIN)/pytest -q -n 6 --dist worksteal
+
+.PHONY: sim test test-all check kernel fuzz format book clean
 
 sim: $(KERNEL)
 	$(BIN)/wallride sim $(ARGS)
 
+# All that stops the car, without what is slow by nature (tests/tiers.py); test-all has that too.
 test: $(KERNEL)
-	$(BIN)/pytest -q -n 4 --dist worksteal $(ARGS)
+	$(PYTEST) --quick $(ARGS)
+
+test-all: $(KERNEL)
+	$(PYTEST) $(ARGS)
 
 check: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(MAKE) test
+	@# mypy takes one core; on the other one the tests' bytecode is made.
+	$(BIN)/pytest -qq --collect-only >/dev/null 2>&1 & $(BIN)/mypy && wait
+	$(MAKE) test-all
 
 kernel: $(KERNEL)
 

@@ -26,6 +26,7 @@ with pytest.MonkeyPatch.context() as at_import:  # in this process only: those t
         pytest_runtest_setup,
         pytest_runtest_teardown,
     )
+    from tests.tiers import pytest_addoption, pytest_ignore_collect  # noqa: F401 - hooks
     from wallride.drivers import accelerated
     from wallride.runtime.control.own_laws import law_class
 

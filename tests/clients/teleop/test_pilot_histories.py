@@ -113,7 +113,7 @@ def is_well(moment: Moment) -> bool:
     return inputs.sound and not (moving and moment.now_s - inputs.event_s > PAD_SILENT_S + 1e-9)
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(stretches=STRETCHES)
 def test_manual_is_never_sent_without_a_deadman_that_began_centred(stretches):
     pilot = Pilot(SESSION, "ann", LINEAR)

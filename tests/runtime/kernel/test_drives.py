@@ -39,7 +39,7 @@ def test_a_drive_gets_the_same_answers(compared, world, side):
 
 
 @settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
 )
 @given(seed=st.integers(0, 2**32), speed_mps=st.floats(-0.5, 4.0), steering_rad=st.floats(-0.34, 0.34))
 def test_nonsense_gets_the_same_answers(compared, seed, speed_mps, steering_rad):

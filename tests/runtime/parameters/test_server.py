@@ -341,11 +341,11 @@ def refused_wish(chance):
 
 
 @pytest.mark.parametrize("what", ["list_all", "get_some", "set_some", "save", "configure", "past"])
-def test_a_hundred_thousand_malformed_questions_are_counted_and_refused(what):
+def test_twenty_thousand_malformed_questions_are_counted_and_refused(what):
     room = Room()
     ask = getattr(room.desk, what)
     longest_s = 0.0
-    for payload in itertools.islice(itertools.cycle(many_malformed()), 100_000):
+    for payload in itertools.islice(itertools.cycle(many_malformed()), 20_000):
         began_s = time.thread_time()
         try:
             answer = ask(payload)
@@ -356,15 +356,15 @@ def test_a_hundred_thousand_malformed_questions_are_counted_and_refused(what):
         else:
             raise AssertionError(payload)
         longest_s = max(longest_s, time.thread_time() - began_s)
-    assert room.desk.counts.malformed == 100_000
+    assert room.desk.counts.malformed == 20_000
     assert (room.applied, room.desk.counts.answered) == ([], 0)
     promise("the slowest request, processor time", longest_s, 0.05)
 
 
-def test_ten_thousand_wishes_that_cannot_be_granted_change_nothing():
+def test_two_thousand_wishes_that_cannot_be_granted_change_nothing():
     chance = random.Random(5)
     room = Room()
-    for _ in range(10_000):
+    for _ in range(2_000):
         with pytest.raises(UnacceptableError) as caught:
             room.desk.set_some(refused_wish(chance))
         str(caught.value).encode()

@@ -110,18 +110,6 @@ def test_another_distance_is_asked_for_started_at_and_counted_against():
     assert {one.desired_m for one in cells} == {0.6}
 
 
-def test_on_a_narrow_map_no_more_is_asked_for_than_there_is_room():
-    if not MAPS.is_dir():
-        pytest.skip("the shared maps are not there")
-    narrow = Cell("laps", str(MAPS / "levine.yaml"), check("ball"), 2.0, 0.8, "left", 0)
-    figures = laps.measure(narrow)
-    assert figures["desired_m"] == 0.8
-    assert figures["mean_error_m"] < 0.05
-    assert not figures["stopped_for_good"]
-    (table,) = laps.tables([narrow.named(figures)])
-    assert table.rows[0][0] == "levine, 0.8 m"
-
-
 def test_an_unusable_file_is_noticed_before_driving(tmp_path, capsys):
     assert run(options("walls", "--json", str(tmp_path / "no" / "file.json"))) == 2
     assert "make it first" in capsys.readouterr().err
@@ -230,7 +218,7 @@ def test_a_lap_is_timed():
     assert done["lap_times_s"][0] > done["best_lap_s"]
 
 
-def test_levine_is_lapped_at_the_distance_that_leads_round_it():
+def test_narrow_levine_is_lapped_at_the_distance_that_leads_round_it():
     if not MAPS.is_dir():
         pytest.skip("the shared maps are not there")
     course = Cell("laps", str(MAPS / "levine.yaml"), check("ball"), 2.0, 0.8, "right", 0)

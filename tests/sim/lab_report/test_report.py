@@ -35,7 +35,7 @@ from wallride.sim.scenario.conditions import ConditionsError
 
 SMALL = ReportPlan(
     tests=("t2", "t5"), report_settings=("wall_follow.kd=1.6",), law_settings=("wall_follow.kp=13.5",
-    "wall_follow.kd=4.5"), starts=Starts(way_m=1.5), trial_speeds_mps=(1.0,), obstacle_speeds_mps=(2.0,), varies=False,
+    "wall_follow.kd=4.5"), starts=Starts(way_m=1.0), trial_speeds_mps=(1.0,), obstacle_speeds_mps=(2.0,), varies=False,
 )  # fmt: skip
 LAWS = (REPORT_LAW, ALONE_LAW, "ball+swept")
 pytestmark = pytest.mark.timeout(240)  # some hundred drives

@@ -178,9 +178,8 @@ def test_a_broken_rule_is_found(rule, monkeypatch):
     assert rule in found
 
 
-@pytest.mark.parametrize("fault", sorted({fault for _, fault in BREACHES.values()}))
-def test_a_car_that_keeps_the_rules_is_found_to_do_so(fault):
-    found = suffer(fault)
+def test_a_car_that_keeps_the_rules_is_found_to_do_so():
+    found = suffer("")
     assert found.violations == {}, found.kept
     assert found.moving > 40
 

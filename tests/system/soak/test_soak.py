@@ -24,7 +24,7 @@ def test_the_same_seed_is_the_same_soak():
     assert soak(15.0, 3, 1.0) == soak(15.0, 3, 1.0)
 
 
-@pytest.mark.parametrize("lasts_s", [0.09, 0.1, 0.11, 0.12, 0.15])
+@pytest.mark.parametrize("lasts_s", [0.09, 0.11, 0.15])
 def test_after_the_drivers_own_brake_on_an_impossible_speed_the_speed_rises_as_after_every_other(lasts_s):
     found = suffer("motor impossible speed", lasts_s=lasts_s)
     assert found.violations == {}, found.kept
@@ -40,7 +40,7 @@ def test_a_fault_beside_an_impossible_speed_is_latched():
     assert found.faults["motor fault"] == 1
 
 
-@pytest.mark.parametrize("lasts_s", [2.0, 2.01, 2.02, 2.03, 2.04])
+@pytest.mark.parametrize("lasts_s", [2.0, 2.02])
 @pytest.mark.parametrize("fault", ["lidar mute", "motor mute"])
 def test_what_is_pressed_while_a_device_is_lost_moves_nothing_when_it_is_back(fault, lasts_s):
     found = suffer(fault, lasts_s=lasts_s)

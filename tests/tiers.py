@@ -1,0 +1,42 @@
+"""What `make test` leaves out (`pytest --quick`) and `make test-all` has: what is slow by nature.
+
+Everything that stops the car is in both: laws, arbitration, drivers, the whole runtime in virtual time.
+"""
+
+from pathlib import Path
+from typing import Final
+
+TESTS: Final = Path(__file__).resolve().parent
+SLOW: Final = (
+    # a browser
+    "clients/monitor/test_browser", "sim/lab_report/test_browser.py", "sim/run_report/test_browser.py",
+    "system/test_watched",
+    # processes in real time: the car with its emulated devices, ssh, benches
+    "clients/remote/test_examples.py", "docs/test_five_steps.py", "sim/bench/test_measure.py",
+    "sim/live/test_farewell.py", "system/faults/test_faults.py", "system/faults/test_router.py",
+    "system/test_operator.py", "system/test_own_car.py", "system/test_own_law.py", "system/test_planners.py",
+    "system/test_poor_link.py", "system/test_process.py", "system/test_scenario.py", "system/test_sim_fleet.py",
+    "system/test_uplink.py", "system/test_walls.py", "system/test_ways_out.py", "wallride/deploy/test_over_ssh.py",
+    "wallride/doctor/test_command.py", "wallride/doctor/test_planted_in_the_devices.py", "wallride/test_cli.py",
+    "wallride/test_install.py", "wallride/test_one_package.py", "wallride/vesc/test_command.py",
+    # hundreds of drives or searches: the lab's experiments and what they are made of
+    "runtime/calibration/test_planted_errors.py", "sim/fit/test_fit.py", "sim/lab/", "sim/lab_report/test_report.py",
+    "sim/replay/test_foreign.py", "sim/replay/test_reenact.py", "sim/scenario/test_virtual_drive.py", "sim/tuning/",
+    "sim/virtual/test_driving_together.py", "sim/world/test_map_file.py", "sim/world/test_map_start.py",
+    # long recordings and full disks
+    "runtime/recording/test_recorded_times.py", "runtime/recording/test_recorder_disk.py",
+    "sim/figures/test_drawing.py",
+)  # fmt: skip
+"""Beginnings of paths below tests/."""
+
+
+def pytest_addoption(parser):
+    """Add --quick."""
+    parser.addoption("--quick", action="store_true", help="leave out what is slow by nature, as `make test` does")
+
+
+def pytest_ignore_collect(collection_path, config):
+    """Leave out what is slow, where that is asked for."""
+    name = collection_path.relative_to(TESTS).as_posix() if collection_path.is_relative_to(TESTS) else ""
+    name += "/" * collection_path.is_dir()
+    return True if config.getoption("--quick") and name.startswith(SLOW) else None
