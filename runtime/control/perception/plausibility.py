@@ -5,7 +5,7 @@ Four checks of each pair of scan and motor report, independent of laws and devic
 * Does the lidar measure? A scan repeated bit for bit while the wheels turned 0.3 m is a stored one, not a measurement.
 * Does the car move as its wheels say? Over the first 0.3 m, and again after every lost link, the scan's own motion is
   compared with the odometry (`scan_shift`). Opposite directions: two phases of the motor are swapped, and the
-  controller cannot know. Sideways: the lidar is turned on the car. Another scale: the gain is wrong.
+  controller cannot know. Another scale: the gain is wrong.
 * Does the scene go on moving as the wheels say? Along the whole drive, see `scene_agreement`.
 * Does it move at all? Wheels in the air turn without moving the car. That is no fault, but such odometry cannot be used
   to back out.
@@ -30,15 +30,10 @@ WITNESSES = 2
 """Minimum number of consecutive scans that must contradict the odometry."""
 STANDS_FOR_S = 1.0
 STANDING_MPS = 0.05
-ROLLS_MPS = 2.0
-"""Maximum speed at which no car slides sideways: its tightest bend takes less than a grip of 0.5."""
 FROZEN = "the lidar repeats one scan: power-cycle it, check its cable"
-BACKWARDS = "runs backwards: swap two phases of the motor (or is the lidar turned by 180 degrees?)"
-ASIDE = "the scene moves sideways while the wheels drive ahead: lidar.yaw_rad wrong, or the lidar turned?"
+BACKWARDS = "runs backwards: swap two phases of the motor"
 WHEELS_IN_THE_AIR = "the wheels turn and the scan stands (wheels in the air?): it does not back out"
 WRONG_SCALE = "the wheels' way is not the scan's: check motor.speed_to_erpm_gain and the lidar's mounting"
-
-_CONTRADICTIONS = {Agreement.OPPOSITE: BACKWARDS, Agreement.FARTHER: WRONG_SCALE, Agreement.ASIDE: ASIDE}
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,9 +143,7 @@ class Plausibility:
         if start is None or stands or scan.stamp_s - start.scan.stamp_s > CHECK_WITHIN_S:
             self._start = _Start(scan, motor.distance_m, pose)
         elif abs(motor.distance_m - start.distance_m) >= CHECKED_OVER_M + 0.1 * self._witnesses:
-            found = compare_shift(start.scan, scan, _moved(start.pose, pose), self._car.lidar_m)
-            slides = found is Agreement.ASIDE and abs(motor.speed_mps) > ROLLS_MPS
-            self._conclude(Agreement.UNKNOWN if slides else found)
+            self._conclude(compare_shift(start.scan, scan, _moved(start.pose, pose), self._car.lidar_m))
 
     def _conclude(self, found: Agreement) -> None:
         match found:
@@ -164,7 +157,7 @@ class Plausibility:
                 self._witnesses += 1
                 if self._witnesses < WITNESSES:
                     return
-                self.motor_doubt = _CONTRADICTIONS[found]
+                self.motor_doubt = BACKWARDS if found is Agreement.OPPOSITE else WRONG_SCALE
                 self.believed = False
         self._witnesses = 0
 

@@ -109,10 +109,6 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(LIDAR, "shows old scans, or a blank where walls were", "named, brake within half a metre", PERMIT,
           "tests/system/test_untrue_scans.py::"
           "test_a_lidar_that_stops_telling_the_truth_is_named_and_the_car_stands_within_half_a_metre"),
-    Fault(LIDAR, "turned on the car, or lidar.yaw_rad wrong, by 45 degrees or more",
-          "named, brake within half a metre; not told by walls of one direction only (a bare corridor)", RESET,
-          "tests/runtime/control/perception/test_plausibility.py::"
-          "test_a_lidar_that_is_turned_on_the_car_is_named_within_half_a_metre"),
     Fault(LIDAR, "too few beams, too slow", "refused with the reason", "another sensor",
           HOKUYO_SENSORS + "test_a_sensor_that_no_car_can_be_driven_by_is_refused_with_the_reason"),
     Fault(MOTOR, "unplugged, back at speed", "no command is kept; it starts from standstill", SELF,

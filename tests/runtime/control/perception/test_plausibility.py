@@ -10,7 +10,6 @@ import pytest
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.live_laws import LiveLaws
 from wallride.runtime.control.perception.plausibility import (
-    ASIDE,
     BACKWARDS,
     FROZEN,
     STANDS_FOR_S,
@@ -37,14 +36,13 @@ RACECAR = Path(__file__).resolve().parents[4] / ".." / "shared" / "data" / "race
 class Room:
     """A car that is moved along an arc in a world, and whose wheels tell what the test wants."""
 
-    def __init__(self, world="loop", seed=1, judge=None, noise_m=0.01, yaw_rad=0.0):
+    def __init__(self, world="loop", seed=1, judge=None, noise_m=0.01):
         self.world = load_world(world)
         start = self.world.start
         self.pose = Pose(start.x_m, start.y_m, start.yaw_rad)
         self.rng = np.random.default_rng(seed)
         self.lidar = LidarSettings(noise_std_m=noise_m)
         self.plausibility = judge or Plausibility(CAR)
-        self.yaw_rad = yaw_rad  # of the lidar as configured
         self.now_s = self.distance_m = 0.0
         self.sequence = 0
         self.frozen_m = None
@@ -66,7 +64,7 @@ class Room:
         )
         seen = as_scan(
             scan(self.world, self.pose, Twist(0.0, 0.0, 0.0), self.now_s, self.rng, self.lidar),
-            self.lidar, self.now_s, self.sequence, self.yaw_rad,
+            self.lidar, self.now_s, self.sequence,
         )  # fmt: skip
         self.sequence += 1
         if self.frozen_m is not None:
@@ -101,7 +99,7 @@ def test_a_car_that_drives_back_while_its_wheels_report_ahead_is_named_with_the_
     room = Room(world)
     while not room.plausibility.doubt and abs(room.moved_m) < 1.0:
         room.step(-0.5, told=-1.0, steering_rad=steering_rad)
-    assert room.plausibility.motor_doubt == BACKWARDS
+    assert room.plausibility.motor_doubt == BACKWARDS == "runs backwards: swap two phases of the motor"
     assert not room.plausibility.believed
     assert abs(room.moved_m) <= 0.5
 
@@ -112,16 +110,6 @@ def test_wheels_that_tell_a_third_of_the_way_are_a_wrong_gain(world):
     while not room.plausibility.doubt and room.moved_m < 3.0:
         room.step(1.0, told=0.33)
     assert room.plausibility.motor_doubt == WRONG_SCALE
-
-
-@pytest.mark.parametrize(("world", "steering_rad"), [("cluttered", 0.0), ("inside_corner", 0.2)])
-@pytest.mark.parametrize("yaw_deg", [45, -45, 90, -90, 135])
-def test_a_lidar_that_is_turned_on_the_car_is_named_within_half_a_metre(world, yaw_deg, steering_rad):
-    room = Room(world, yaw_rad=math.radians(yaw_deg))
-    while not room.plausibility.doubt and room.moved_m < 1.0:
-        room.step(1.0, steering_rad=steering_rad)
-    assert room.plausibility.motor_doubt == ASIDE
-    assert room.moved_m <= 0.5
 
 
 def test_wheels_in_the_air_are_told_and_not_backed_out_by_and_no_fault():
