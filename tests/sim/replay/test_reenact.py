@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -178,6 +179,6 @@ def rewritten(path, folder, *, leave_out=lambda message: False, change=lambda pa
 
 def test_a_converted_copy_in_which_scans_have_no_numbers_is_refused(dead_end):
     scans = read_log(dead_end).of(topics.SCAN)
-    copy = SimpleNamespace(of=lambda _topic: [replace(scan, sequence=0) for scan in scans])
+    copy: Any = SimpleNamespace(of=lambda _topic: [replace(scan, sequence=0) for scan in scans])
     with pytest.raises(RecordingError, match="another program converted: take the original"):
         _Ranges(copy)
