@@ -121,7 +121,8 @@ def test_a_picture_shows_walls_car_and_scan_and_moves_with_the_car():
     environment.reset(seed=1)
     first = environment.render()
     assert first is not None
-    assert (first.dtype, first.shape) == (np.uint8, (480, 480, 3))
+    assert first.dtype == np.uint8
+    assert first.shape == (480, 480, 3)
     middle, beside = first[225:255, 235:265], first[205:215, 235:265]  # one metre is 30 pixels
     assert (middle == (0xFF, 0x7F, 0x0E)).all(axis=2).any(), "the car"
     assert (beside == (0xD6, 0x27, 0x28)).all(axis=2).any(), "what it sees of the wall"
