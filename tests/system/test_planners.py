@@ -12,6 +12,7 @@ import pytest
 import wallride
 from tests.system.operated import CAR, operated
 from tests.system.test_attacks import keys, tls  # noqa: F401 - keys is a fixture
+from wallride.clients.remote.planner import PlanRefusedError
 from wallride.runtime.ros import messages
 from wallride.runtime.ros.graph import DRIVE, access
 from wallride.runtime.wire import topics
@@ -136,10 +137,11 @@ async def test_a_script_plans_by_its_name_stalls_and_says_goodbye(tmp_path):
         await stalled.wait()
         await scene.brake_after(time.monotonic())
         await scene.car.until(lambda: planners(scene)["lost"] == "slam", "lost, in the status")
-        await planning
+        with pytest.raises(PlanRefusedError, match="sent nothing"):
+            await planning
         await asyncio.to_thread(plan, 1.0, stalls=False)
         await scene.car.until_driving()  # it said goodbye: the follower goes on, where no permit is needed
-        assert planners(scene)["driving"] == planners(scene)["lost"] == ""
+        await scene.car.until(lambda: planners(scene)["driving"] == planners(scene)["lost"] == "", "no planner")
 
 
 def planners(scene):
