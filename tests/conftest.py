@@ -1,4 +1,4 @@
-"""What every test has: own folders, laws in Python, a limit that holds; where it runs in real time, two reruns."""
+"""What every test has: own folders, laws in Python, a limit that holds; where it runs in real time, three reruns."""
 
 import os
 import signal
@@ -36,7 +36,7 @@ REAL_TIME = (
 )  # fmt: skip
 IN_PYTHON = "runtime/control/", "runtime/kernel/"
 """Tests of the laws' Python; tests/runtime/kernel lets the C answer beside it."""
-RERUNS = int(os.environ.get("WALLRIDE_RERUNS", "2"))
+RERUNS = int(os.environ.get("WALLRIDE_RERUNS", "3"))
 
 
 def pytest_collection_modifyitems(items):
