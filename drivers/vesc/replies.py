@@ -21,7 +21,7 @@ HARDWARE_KINDS = {HARDWARE_VESC: "VESC", 1: "battery manager", 2: "custom module
 _UUID_BYTES = 12
 _HARDWARE_KIND_BYTE = 14
 """Its place behind the name of the hardware: after the UUID and two flags."""
-_STANDARD_GRAVITY_MPS2 = 9.80665
+STANDARD_GRAVITY_MPS2 = 9.80665
 
 
 @value()
@@ -214,7 +214,7 @@ def decode_imu(payload: bytes) -> Imu | None:
     all16 = [next(sent) if mask >> bit & 1 else math.nan for bit in range(16)]
     return Imu(
         attitude_rad=tuple(all16[:3]),
-        acceleration_mps2=tuple(value * _STANDARD_GRAVITY_MPS2 for value in all16[3:6]),
+        acceleration_mps2=tuple(value * STANDARD_GRAVITY_MPS2 for value in all16[3:6]),
         rate_radps=tuple(math.radians(value) for value in all16[6:9]),
         magnetic_ut=tuple(all16[9:12]),
         quaternion=tuple(all16[12:]),

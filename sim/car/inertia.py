@@ -7,9 +7,9 @@ import math
 import random
 from typing import Final
 
+from wallride.drivers.vesc.replies import STANDARD_GRAVITY_MPS2
 from wallride.sim.car.vehicle import Vehicle
 
-STANDARD_GRAVITY_MPS2: Final = 9.80665
 MEMS_BIAS_G: Final = (0.02, -0.015, 0.03)
 MEMS_BIAS_DEGPS: Final = (0.3, -0.2, 0.4)
 MEMS_SCALE: Final = 1.01

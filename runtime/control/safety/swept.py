@@ -74,8 +74,7 @@ class SweptGuard:
     clock: where given, the scan's age is measured at every judgement, else taken as it was when the scan arrived.
     health: state of the lidar's window.
     memory: what the judgements of commands that were sent have left. assessment: the last one, None before the first
-    scan. stuck_reason: reason reported for a car that cannot
-    continue and has no way out; "" while it has one.
+    scan. stuck_reason: reason reported for a car that cannot continue and has no way out; "" while it has one.
     """
 
     def __init__(
@@ -232,7 +231,7 @@ class SweptAssessment:
         return verdict
 
     def judge(self, speed_mps: float, steering_rad: float, memory: SweptMemory) -> tuple[Verdict, SweptMemory]:
-        """Return the verdict on a drive, and the memory after it; changes nothing.
+        """Return the verdict on a drive, and the memory after it; changes no memory.
 
         NaN, infinity and a speed of 0 receive the ceiling alone.
         """
@@ -367,7 +366,7 @@ class SweptAssessment:
         return self._standing(found)
 
     def _braked(self, way_m: float, hard_m: float, steering_rad: float, memory: SweptMemory) -> SweptMemory:
-        """Return whether an emergency is active: it begins at once, is held, and ends with clearance or at standstill.
+        """Return the memory with an emergency begun, which is at once, held, or ended, with clearance or at standstill.
 
         A car that turns past an obstacle is released as soon as its driver's bend is free, on a slippery floor too, and
         leaves grip for the motor; one whose wheels were locked, not before a person who walks into its way would be
