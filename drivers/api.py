@@ -98,6 +98,9 @@ class LinkState(StrEnum):
     """It answers, and reports a fault."""
 
 
+NOT_OPENED = "not opened yet"
+
+
 @dataclass(slots=True)
 class Health:
     """A device's condition as text and counts, for status pages and logs. Owned by its driver.
@@ -109,7 +112,7 @@ class Health:
     """
 
     link: LinkState = LinkState.ABSENT
-    message: str = "not opened yet"
+    message: str = NOT_OPENED
     identity: str = ""
     trouble: str = ""
     counts: dict[str, int] = field(default_factory=dict)

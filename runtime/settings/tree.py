@@ -9,6 +9,7 @@ import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator, model_validator
@@ -159,12 +160,26 @@ def load_settings(
     """
     tree: dict[str, Any] = read_tree(path) if path is not None else {}
     above = read_tree(saved) if saved is not None and saved.exists() else {}
-    tree = layered(tree, above)
+    name = f"{path}" if path is not None else "the settings"
+    layers = {f"{saved}": above}
+    beside = path.parent if path is not None else None
+    return settings_from(layered(tree, above), assignments, laws=laws, name=name, beside=beside, layers=layers)
+
+
+def settings_from(
+    tree: Mapping[str, Any], assignments: Sequence[str] = (), *, laws: bool, name: str, beside: Path | None = None,
+    layers: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+) -> Settings:  # fmt: skip
+    """Build the tree from a file's content; the rest as `load_settings`.
+
+    name: of the file in errors. beside: its folder, where own laws are looked for. layers: by name, what is already in
+        the tree and is to blame before the file.
+    """
     said: dict[str, Any] = {}
     for assignment in assignments:
         _assign(said, assignment)
     tree = layered(tree, said)
-    mistakes: list[Any] = import_laws(tree, path.parent if path is not None else None) if laws else []
+    mistakes: list[Any] = import_laws(tree, beside) if laws else []
     settings = None
     try:
         settings = Settings.model_validate(tree)
@@ -172,11 +187,10 @@ def load_settings(
         mistakes += error.errors()
     if settings is not None and not mistakes:
         return settings
-    below = f"{path}" if path is not None else "the settings"
-    sources = (("--set", said), (f"{saved}", above))
+    sources = (("--set", said), *layers.items())
     found: dict[str, list[str]] = {}
     for item in mistakes:
-        where = next((name for name, layer in sources if _holds(layer, item["loc"])), below)
+        where = next((at for at, layer in sources if _holds(layer, item["loc"])), name)
         found.setdefault(where, []).append(_sentence(item, tree))
     raise SettingsError("; ".join(f"{where}: {'; '.join(lines)}" for where, lines in found.items()))
 

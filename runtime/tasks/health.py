@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from wallride.drivers.api import Clock, Health, Lidar, LinkState, Motor
+from wallride.drivers.api import NOT_OPENED, Clock, Health, Lidar, LinkState, Motor
 from wallride.runtime.arbitration.command import NO_WINNER, Output
 from wallride.runtime.arbitration.emergency_stop import Cause, EmergencyStop
 from wallride.runtime.host.systemd import ServiceManager
@@ -94,7 +94,8 @@ class HealthMonitor:
             self.rearm(seen.lost)
         seen.identity = health.identity
         if (seen.link, seen.message) != (health.link, health.message):
-            level = logging.INFO if health.link in {LinkState.READY, LinkState.STARTING} else logging.WARNING
+            is_well = health.link in {LinkState.READY, LinkState.STARTING} or health.message == NOT_OPENED
+            level = logging.INFO if is_well else logging.WARNING
             log.log(level, "%s %s: %s", name, health.link, health.message)
         seen.link, seen.message = health.link, health.message
 

@@ -64,6 +64,7 @@ def numbers(run: RecordedRun) -> dict[str, Any]:
         "top_speed_mps": _rounded(float(np.abs(run.path.speed_mps).max())) if len(run.path.speed_mps) else None,
         "distance_error": {"mean_abs_m": _rounded(score.mean_abs_m, 6), "rms_m": _rounded(score.rms_m, 6)},
         "stops": len(found),
+        "faults": [{"time_s": round(time_s, 3), "words": fault.words} for time_s, fault in run.faults],
         "standing_s": round(sum((_end(stop, run) - stop.from_s) for stop in found), 2),
         "scan_to_motor_ms": dict(status.get("scan_to_motor_ms") or {}),
         "winners": {name: round(float(s), 2) for name, s in (status.get("seconds_by_winner") or {}).items()},

@@ -10,34 +10,51 @@ from wallride.runtime.arbitration.command import NO_WINNER, Output
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.recording.decision_log import DecisionEvent, Event, FollowerEvent, ScanEvent
 from wallride.runtime.telemetry.screen_words import because, steering_words
+from wallride.runtime.wire import topics
 from wallride.sim.recordings import RecordingError
-from wallride.sim.replay.drive_log import DriveLog
+from wallride.sim.replay.drive_log import NS, DriveLog
+from wallride.sim.replay.faults import faults_in
 from wallride.sim.replay.reenact import events_of, first_time_s
+
+LATE_S = 0.2
+"""A time asked for that is so much later than the newest answered scan is told."""
+AROUND_S = 0.5
+"""Time around a scan in which faults are told beside it."""
+
+MIN_SHOWN_MPS = 0.005
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """One answered scan. time_s: since the decision log began. output: the next decision; None where none follows."""
+    """One answered scan. time_s: since the decision log began. output: the next decision; None where none follows.
+
+    asked_s: the time asked for, where it is later than the next scan would be; NaN else. faults: what went wrong from
+    just before the scan on, with its time.
+    """
 
     scan: int
     time_s: float
     answer: Guidance
     output: Output | None
+    asked_s: float = math.nan
+    faults: Sequence[tuple[float, str]] = ()
 
     def lines(self) -> list[str]:
         """Return what is shown of it."""
-        said = [f"scan {self.scan}, {self.time_s:.3f} s", f"  follower  {_asked(self.answer)}"]
+        late = f": no later scan was answered before {self.asked_s:.3f} s" if math.isfinite(self.asked_s) else ""
+        said = [f"scan {self.scan}, {self.time_s:.3f} s{late}", f"  follower  {_asked(self.answer)}"]
+        troubles = [f"  fault     {time_s:.3f} s: {words}" for time_s, words in self.faults]
         if self.output is None:
-            return [*said, "  the recording ends before a decision on it"]
+            return [*said, "  the recording ends before a decision on it", *troubles]
         decision = self.output.decision
         reason = because(decision.reason, decision.measure)
-        said.append(f"  decided   {decision.winner or NO_WINNER}: {decision.speed_mps:.2f} m/s: {reason}")
+        said.append(f"  decided   {decision.winner or NO_WINNER}: {_speed(decision.speed_mps)}: {reason}")
         if decision.driver is not None and decision.driver != decision.winner:
             said.append(f"            the drive is of {decision.driver}")
         sent = self.output.drive
-        words = [f"{sent.speed_mps:.2f} m/s", steering_words(sent.steering_rad)]
+        words = [_speed(sent.speed_mps), steering_words(sent.steering_rad)]
         words += ["a brake in its place"] * self.output.braked + ["not delivered"] * (not self.output.delivered)
-        return [*said, f"  sent      {', '.join(filter(None, words))}"]
+        return [*said, f"  sent      {', '.join(filter(None, words))}", *troubles]
 
     def as_plain(self) -> dict[str, Any]:
         """Return it as plain data for programs."""
@@ -63,6 +80,7 @@ class Moment:
                 "delivered": output.delivered,
                 "braked": output.braked,
             },
+            "faults": [{"time_s": time_s, "words": words} for time_s, words in self.faults],
         }  # fmt: skip
 
 
@@ -72,7 +90,7 @@ def moment_at_scan(log: DriveLog, scan: int) -> Moment:
     answered = _answered(log, events)
     at = bisect_left([event.sequence for event in answered], scan)
     if at < len(answered) and answered[at].sequence == scan:
-        return _moment(events, answered[at])
+        return _moment(log, events, answered[at])
     around = " and ".join(str(event.sequence) for event in answered[max(0, at - 1) : at + 1])
     raise RecordingError(
         f"{log.name}: the follower has not answered scan {scan} (lost, overtaken, or before or after this file);"
@@ -85,7 +103,7 @@ def moment_at_time(log: DriveLog, time_s: float) -> Moment:
     events = events_of(log)
     answered, came_s = _answered(log, events), _times_s(events)
     newest = max((at for at, event in enumerate(answered) if came_s[event.sequence] <= time_s), default=0)
-    return _moment(events, answered[newest])
+    return _moment(log, events, answered[newest], time_s)
 
 
 def _answered(log: DriveLog, events: Sequence[Event]) -> list[FollowerEvent]:
@@ -102,13 +120,30 @@ def _times_s(events: Sequence[Event]) -> dict[int, float]:
     return {event.sequence: event.received_s - zero_s for event in events if isinstance(event, ScanEvent)}
 
 
-def _moment(events: Sequence[Event], answer: FollowerEvent) -> Moment:
+def _moment(log: DriveLog, events: Sequence[Event], answer: FollowerEvent, asked_s: float = math.nan) -> Moment:
     later = (event.output for event in events if event.number > answer.number and isinstance(event, DecisionEvent))
-    return Moment(answer.sequence, _times_s(events)[answer.sequence], answer.guidance, next(later, None))
+    time_s = _times_s(events)[answer.sequence]
+    is_late = asked_s > time_s + LATE_S
+    until_s = asked_s if is_late else time_s + AROUND_S
+    faults = _faults(log, answer.sequence, time_s, until_s)
+    return Moment(answer.sequence, time_s, answer.guidance, next(later, None), asked_s if is_late else math.nan, faults)
+
+
+def _faults(log: DriveLog, scan: int, time_s: float, until_s: float) -> list[tuple[float, str]]:
+    """Return what went wrong from just before a scan until a time; times on the decision log's clock."""
+    came_ns = next((message.stamp_ns for message in log.of(topics.SCAN) if message.sequence == scan), None)
+    if came_ns is None:
+        return []
+    times = [(round(time_s + (fault.stamp_ns - came_ns) / NS, 3), fault.words) for fault in faults_in(log)]
+    return [(at_s, words) for at_s, words in times if time_s - AROUND_S <= at_s <= until_s]
 
 
 def _asked(answer: Guidance) -> str:
     if answer.drive is None:
         return f"no drive: {answer.reason}"
-    words = [f"{answer.drive.speed_mps:.2f} m/s", steering_words(answer.drive.steering_rad)]
+    words = [_speed(answer.drive.speed_mps), steering_words(answer.drive.steering_rad)]
     return f"{', '.join(filter(None, words))}: {answer.reason}"
+
+
+def _speed(speed_mps: float) -> str:
+    return f"{speed_mps if abs(speed_mps) >= MIN_SHOWN_MPS else 0.0:.2f} m/s"

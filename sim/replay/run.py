@@ -14,6 +14,7 @@ from wallride.runtime.settings.tree import Settings
 from wallride.runtime.wire import topics
 from wallride.sim.replay.decode import decode
 from wallride.sim.replay.drive_log import NS, DriveLog, LoggedMessage
+from wallride.sim.replay.faults import RecordedFault, faults_in
 from wallride.sim.replay.settings_text import TunedSetting, settings_of, tuned_in
 from wallride.sim.world.pose import Floats
 
@@ -68,7 +69,7 @@ class RecordedRun:
     """All data of the page. statuses: (time, fields). duration_s: to the last message.
 
     zero_unix_s: the first message's time since 1970, 0 where it has no date. settings: at the beginning. tuned: changes
-    of them, with their times.
+    of them, with their times. faults: what went wrong, with its time.
     """
 
     name: str
@@ -89,6 +90,7 @@ class RecordedRun:
     duration_s: float = 0.0
     zero_unix_s: float = 0.0
     tuned: Sequence[tuple[float, TunedSetting]] = ()
+    faults: Sequence[tuple[float, RecordedFault]] = ()
 
     @property
     def status(self) -> Mapping[str, Any]:
@@ -104,7 +106,7 @@ class RecordedRun:
 
 
 def run_of(log: DriveLog) -> RecordedRun:
-    """Return the run recorded in a log."""
+    """Return the run recorded in a log. No code of the user runs: the answers of an own law are in the log."""
     zero_ns = min((message.stamp_ns for message in log.messages if message.stamp_ns > 0), default=0)
     if log.messages and log.messages[0].stamp_ns < SECONDS_OF_A_DAY * NS:  # foreign recordings have no date
         zero_ns = 0
@@ -123,7 +125,7 @@ def run_of(log: DriveLog) -> RecordedRun:
         version=str(log.fact("version") or status.get("version") or ""),
         began=datetime.fromtimestamp(zero_ns / NS, UTC).strftime("%Y-%m-%d %H:%M:%S UTC") if zero_ns else "",
         source=log.fact("source"),
-        settings=settings_of(log),
+        settings=settings_of(log, laws=False),
         notes=log.notes,
         scans=[(seconds(message.stamp_ns), message) for message in log.of(topics.SCAN)],
         error=_series(errors),
@@ -135,6 +137,7 @@ def run_of(log: DriveLog) -> RecordedRun:
         statuses=statuses,
         zero_unix_s=zero_ns / NS,
         tuned=[(seconds(one.stamp_ns), one) for one in tuned_in(log)],
+        faults=[(seconds(one.stamp_ns), one) for one in faults_in(log)],
         duration_s=max((seconds(message.stamp_ns) for message in log.messages), default=0.0),
     )
 

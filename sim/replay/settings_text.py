@@ -1,14 +1,12 @@
 """Settings of a recording: those at its beginning, with assigned changes, and the changes while it drove."""
 
-import tempfile
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from wallride.runtime.recording.channels import SETTINGS
-from wallride.runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
+from wallride.runtime.settings.tree import Settings, SettingsError, load_settings, settings_from, to_toml
 from wallride.sim.replay.drive_log import DriveLog
 
 
@@ -48,27 +46,26 @@ def tuned_in(log: DriveLog) -> list[TunedSetting]:
     return found
 
 
-def settings_of(log: DriveLog, assignments: Sequence[str] = ()) -> Settings:
+def settings_of(log: DriveLog, assignments: Sequence[str] = (), *, laws: bool = True) -> Settings:
     """Return the settings; the defaults if none were recorded.
 
-    assignments: KEY=VALUE, as on the command line. SettingsError when they, or those of another version, do not fit.
+    assignments: KEY=VALUE, as on the command line. laws: import the own laws that the settings name, to decide again.
+    SettingsError when assignments, or settings of another version, do not fit, or a law is not found.
     """
     text = log.settings_text
     if not text:
-        return load_settings(None, assignments, laws=True)
-    return _read(f"{log.name}.toml", text, assignments)
+        return load_settings(None, assignments, laws=laws)
+    return _read(log.name, text, assignments, laws=laws)
 
 
 def with_assignments(settings: Settings, assignments: Sequence[str]) -> Settings:
     """Return settings with some changed; SettingsError when an assignment is unusable."""
-    return _read("recorded.toml", to_toml(settings), assignments) if assignments else settings
+    return _read("the recording", to_toml(settings), assignments) if assignments else settings
 
 
-def _read(name: str, text: str, assignments: Sequence[str]) -> Settings:
-    with tempfile.TemporaryDirectory(prefix="wallride-") as folder:
-        file = Path(folder) / name
-        file.write_text(text)
-        try:
-            return load_settings(file, assignments, laws=True)
-        except SettingsError as error:
-            raise SettingsError(str(error).replace(f"{file}: ", "")) from None
+def _read(name: str, text: str, assignments: Sequence[str], *, laws: bool = True) -> Settings:
+    try:
+        tree = tomllib.loads(text)
+    except (RecursionError, ValueError) as error:
+        raise SettingsError(f"the settings of {name} cannot be read: {error}") from None
+    return settings_from(tree, assignments, laws=laws, name=f"the settings of {name}")

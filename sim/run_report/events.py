@@ -12,7 +12,7 @@ from wallride.sim.replay.run import MuxChange, RecordedRun
 from wallride.sim.run_report.above import Above, from_above
 from wallride.sim.world.pose import Floats
 
-MAX_CARDS = 40
+MAX_CARDS, MAX_FAULTS = 40, 200
 CARD_PX, CARD_M = 250, 4.0
 SAME_EVENT_S = 0.5
 NOT_KNOWN = "–"
@@ -36,6 +36,38 @@ def stops_table(found: Sequence[RecordedStop], run: RecordedRun, tag: str = "") 
     heads = "".join(f"<th>{name}</th>" for name in ("", "at", "for", "by", "why", "from"))
     more = f"<p>Besides, the car was made slower {times(slower)} without a stop.</p>" if slower else ""
     return f"<table><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>{more}"
+
+
+def faults_table(run: RecordedRun, tag: str = "") -> str:
+    """Return the time and words of what went wrong: warnings, lost devices, commands without effect."""
+    if not run.faults:
+        return "<p>Nothing was recorded that went wrong.</p>"
+    rows = []
+    for number, (time_s, fault) in enumerate(run.faults[:MAX_FAULTS], 1):
+        lasted = f", for {fault.lasted_s:.2f} s" if math.isfinite(fault.lasted_s) else ""
+        rows.append(
+            f'<tr><td>{tag}F{number}</td><td data-at="{time_s:.3f}">{time_s:.2f} s</td>'
+            f"<td>{escape(fault.words)}{lasted}</td></tr>"
+        )
+    more = len(run.faults) - len(rows)
+    heads = "".join(f"<th>{name}</th>" for name in ("", "at", "what"))
+    rest = f"<p>{more} more are not shown.</p>" if more else ""
+    return f"<table><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>{rest}"
+
+
+def reasons_table(run: RecordedRun) -> str:
+    """Return how often and how long each reason held, the longest first."""
+    spent: dict[tuple[str, str], list[float]] = {}
+    ends_s = [change.time_s for change in run.changes[1:]] + [run.duration_s]
+    for change, end_s in zip(run.changes, ends_s, strict=False):
+        spent.setdefault((change.winner, change.reason), []).append(end_s - change.time_s)
+    rows = "".join(
+        f"<tr><td>{escape(winner)}</td><td>{escape(reason)}</td><td>{sum(held):.2f} s</td>"
+        f"<td>{times(len(held))}</td></tr>"
+        for (winner, reason), held in sorted(spent.items(), key=lambda item: -sum(item[1]))[:MAX_FAULTS]
+    )
+    heads = "".join(f"<th>{name}</th>" for name in ("by", "why", "in all", ""))
+    return f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>" if rows else ""
 
 
 def _without_stops(run: RecordedRun) -> str:

@@ -17,12 +17,15 @@ import numpy as np
 from wallride.sim.figures.summary import SETTLE_BAND_M
 from wallride.sim.run_report import moments, tables
 from wallride.sim.run_report.charts import WIDTH, ChartLine, Mark, histogram, over_time
-from wallride.sim.run_report.events import cards, stops_table
+from wallride.sim.run_report.events import cards, faults_table, reasons_table, stops_table
 from wallride.sim.run_report.shown import Shown
 from wallride.sim.run_report.track import track
 from wallride.sim.run_report.turn import ABOUT_TURN, sharpest_turn
 
 BIN_M = 0.01
+MAX_MARKED = 30
+"""Maximum number of faults that are marked in the charts; the table has more."""
+ABOUT_FAULTS = "Warnings and errors of the car's log, devices that were lost, commands that did not reach the motor."
 STYLES = ("s1", "s2")
 STILL = """<aside class="moment" hidden aria-label="One moment"></aside>"""
 
@@ -38,7 +41,9 @@ def page(*runs: Shown) -> str:
         *(section(one.tagged("Through the sharpest turn"), chart, ABOUT_TURN)
           for one in runs if (chart := sharpest_turn(one.run))),
         _each(runs, "How often which error", lambda one: histogram(one.run.error.value, "m", BIN_M)),
-        _each(runs, "Who decided", lambda one: tables.winners(one.numbers)),
+        _each(runs, "Who decided", lambda one: tables.winners(one.numbers) + reasons_table(one.run)),
+        *(section(one.tagged(f"Faults ({len(one.run.faults)})"), faults_table(one.run, one.tag), ABOUT_FAULTS)
+          for one in runs),
         *(section(one.tagged(f"Stops ({len(one.found)})"), stops_table(one.found, one.run, one.tag)) for one in runs),
         *(section(one.tagged("The scan at each event"), cards(one.run, one.found, one.tag)) for one in runs),
         section("Settings", tables.settings(runs), "What is not the default. The folded lists have every setting."),
@@ -103,6 +108,11 @@ def _each(runs: Sequence[Shown], title: str, draw: Callable[[Shown], str], words
 def _over_time(runs: Sequence[Shown], charts: dict[str, dict[str, Any]]) -> list[str]:
     """Return the sections with time as their axis; the script's data of them goes into `charts`."""
     marks = [Mark(stop.from_s, f"{one.tag}{number}") for one in runs for number, stop in enumerate(one.found, 1)]
+    marks += [
+        Mark(time_s, f"{one.tag}F{number}")
+        for one in runs
+        for number, (time_s, _) in enumerate(one.run.faults[:MAX_MARKED], 1)
+    ]
     parts = (
         ("error", "Distance error over time", _error_words(runs), "m", _errors(runs)),
         ("speed", "Speed", "What the driver wished, what was sent, what the wheels did.", "m/s", _speeds(runs)),
