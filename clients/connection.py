@@ -18,6 +18,7 @@ from wallride.clients.endpoints import (
 )
 from wallride.clients.fleet.search import at_one_endpoint
 from wallride.clients.keys.diagnosis import nothing_heard, why_refused
+from wallride.clients.played import NOTHING_DRIVES, PlayedNames
 from wallride.runtime.security.key_files import KeyFiles
 from wallride.runtime.wire import topics, zenoh_config
 from wallride.runtime.wire.bus import Bus
@@ -34,15 +35,21 @@ SETTLING_S = 0.2
 
 
 @asynccontextmanager
-async def connected(options: argparse.Namespace) -> AsyncIterator[tuple[Bus, str]]:
+async def connected(options: argparse.Namespace, *, asks: bool = False) -> AsyncIterator[tuple[Bus, str]]:
     """Yield an open session and the car's name; the session is closed on every way out.
 
-    options: as of `wallride.client_options.add_common`; of several endpoints that of the car is searched.
+    options: as of `wallride.client_options.add_common`; of several endpoints that of the car is searched. asks: the car
+    is to answer or to move, which a played recording does not; ConnectionProblemError says so.
     """
     options = await with_one_endpoint(options)
     bus, keys = await _open(options)
     try:
+        played = PlayedNames(bus) if asks else ()
         car = await find_car(bus, options.car, whose=keys.identity.name if keys is not None else "")
+        if car in played:
+            await asyncio.sleep(SETTLING_S)  # the heartbeat of a car comes within it
+        if car in played:
+            raise ConnectionProblemError(f"{car} at {bus.endpoint}: {NOTHING_DRIVES}")
         if options.session is not None:
             await check_session(bus, car, options.session)
         yield bus, car

@@ -63,7 +63,7 @@ async def run(options: argparse.Namespace) -> int:
 async def record(options: argparse.Namespace) -> int:
     """Run `wallride record start|stop|status`."""
     wishes = {"start": {"on": True}, "stop": {"on": False}, "status": {}}
-    async with connected(options) as (bus, car):
+    async with connected(options, asks=True) as (bus, car):
         status = await _ask_json(bus, car, requests.RECORD, **wishes[options.action])
     with reading(car, "answer"):
         options.print_line(json.dumps(status) if options.json else one_line(_standing(status)))
@@ -122,7 +122,7 @@ def _keep(options: argparse.Namespace) -> int:
 
 async def _there(options: argparse.Namespace) -> int:
     """List, get or trim the recordings of a car."""
-    async with connected(options) as (bus, car):
+    async with connected(options, asks=True) as (bus, car):
         if options.action == "trim":
             answer = await _ask_json(bus, car, requests.TRIM, keep_mb=options.keep_mb)
             with reading(car, "answer"):

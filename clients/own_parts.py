@@ -22,7 +22,7 @@ async def run(options: argparse.Namespace) -> int:
     """Run one `wallride own-parts` command; an error is one line."""
     async with AsyncExitStack() as stack:
         try:
-            bus, car = await stack.enter_async_context(connected(options))
+            bus, car = await stack.enter_async_context(connected(options, asks=True))
         except ConnectionProblemError as error:
             raise ConnectionProblemError(f"{error}. {WITHOUT_A_CAR}") from None
         try:

@@ -23,7 +23,7 @@ MAX_NAME_LENGTH = 24
 async def run(options: argparse.Namespace) -> int:
     """Run one `wallride param` command and print its result; an error is one line."""
     actions = {"list": _list, "get": _get, "set": _set, "save": _save, "history": _history}
-    async with connected(options) as (bus, car):
+    async with connected(options, asks=True) as (bus, car):
         try:
             with reading(car, "answer"):
                 text = await actions[options.action](bus, car, options)

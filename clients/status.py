@@ -4,11 +4,12 @@ import argparse
 import asyncio
 import json
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from typing import Any
 
 from wallride.clients.answers import reading
 from wallride.clients.connection import ConnectionProblemError, connected
+from wallride.clients.played import NOTHING_DRIVES, PlayedNames
 from wallride.runtime.host.terminal_text import CLEAR_SCREEN, one_line
 from wallride.runtime.telemetry.screen_words import because, steering_words
 from wallride.runtime.teleop.status import OperatorState
@@ -27,10 +28,12 @@ async def run(options: argparse.Namespace) -> int:
     """Show the status once, or until interrupted; options as of `wallride.topic_options`."""
     async with connected(options) as (bus, car):
         ear = StatusListener(bus, topics.key(car, topics.STATUS))
-        status = await ear.first(car)
+        played = PlayedNames(bus, car)
+        status = await ear.first(car, played)
         if not options.watch:
             with reading(car, "status"):
-                options.print_line(json.dumps(status, indent=2) if options.json else "\n".join(screen(status)))
+                lines = [*told_played(car, played), *screen(status)]
+                options.print_line(json.dumps(status, indent=2) if options.json else "\n".join(lines))
             return 0
         while True:
             silent_s = time.monotonic() - ear.heard_s
@@ -38,7 +41,8 @@ async def run(options: argparse.Namespace) -> int:
                 options.print_line(json.dumps(ear.newest))
             else:
                 with reading(car, "status"):
-                    options.print_line(CLEAR_SCREEN + "\n".join(screen(ear.newest, silent_s)))
+                    lines = [*told_played(car, played), *screen(ear.newest, silent_s)]
+                    options.print_line(CLEAR_SCREEN + "\n".join(lines))
             await asyncio.sleep(REFRESH_S)
 
 
@@ -55,12 +59,14 @@ class StatusListener:
         self._came = asyncio.Event()
         bus.subscribe(key, self._on_status)
 
-    async def first(self, car: str) -> Status:
-        """Return the first status; ConnectionProblemError when none comes."""
+    async def first(self, car: str, played: Container[str] = ()) -> Status:
+        """Return the first status; ConnectionProblemError when none comes. played: names that are recordings."""
         try:
             async with asyncio.timeout(FIRST_WITHIN_S):
                 await self._came.wait()
         except TimeoutError:
+            if car in played:
+                raise ConnectionProblemError(f"{car}: {NOTHING_DRIVES}; it has no status") from None
             raise ConnectionProblemError(
                 f"{car} is there but sends no status: is telemetry.rates_hz.status 0 on the car?"
             ) from None
@@ -74,6 +80,11 @@ class StatusListener:
         self.newest = self.by_car[key.split("/")[1]] = status
         self.heard_s = arrival_s
         self._came.set()
+
+
+def told_played(car: str, played: Container[str]) -> list[str]:
+    """Return the line above the screen of a recording: what follows is of the time of its drive."""
+    return [f"{car}: {NOTHING_DRIVES}. What follows is its status of then."] if car in played else []
 
 
 def headline(status: Status) -> str:

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from wallride.clients.fleet.links import FleetLink, fleet_links
 from wallride.clients.fleet.status_shape import check_status
 from wallride.clients.fleet.watching import watch
+from wallride.clients.played import NOTHING_DRIVES, PlayedNames
 from wallride.clients.status import headline
 from wallride.runtime.host.terminal_text import one_line
 from wallride.runtime.wire import topics
@@ -43,6 +44,7 @@ class FleetView:
         self._where: dict[tuple[str, str], dict[str, None]] = {}
         self._present: dict[str, dict[str, None]] = {}
         self._refused: dict[tuple[str, str], str] = {}
+        self._played = [PlayedNames(link.bus) for link in links]
         for link in links:
             bus = link.bus
             bus.subscribe(
@@ -88,6 +90,7 @@ class FleetView:
         troubles = [
             UNREADABLE if unreadable else "",
             f"two cars are called so; this one has session {start[1]}" if twice else "",
+            f"{NOTHING_DRIVES}; it says" if any(start[0] in played for played in self._played) else "",
         ]
         return {
             "car": start[0],

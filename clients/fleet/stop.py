@@ -11,6 +11,7 @@ from functools import partial
 
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.fleet.links import FleetLink, fleet_links
+from wallride.clients.played import NOTHING_DRIVES, PlayedNames
 from wallride.runtime.host.terminal_text import one_line
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.network import BYTES
@@ -54,6 +55,7 @@ class FleetStop:
         self._refused: dict[tuple[str, str], str] = {}
         self._refused_now: set[tuple[str, str]] = set()
         self._pressed_s: float | None = None
+        self._played = [PlayedNames(link.bus) for link in links]
         for link in links:
             link.bus.watch(topics.key("*", topics.ALIVE), partial(self._on_token, link))
             link.bus.subscribe(
@@ -94,6 +96,14 @@ class FleetStop:
         return found
 
     @property
+    def recordings(self) -> Sequence[str]:
+        """Return the names that are no cars but played recordings; the e-stop goes to them as well."""
+        return sorted({car for _, car in self._known if self._is_recording(car)})
+
+    def _is_recording(self, car: str) -> bool:
+        return any(car in played for played in self._played) and not any(name == car for name, _ in self._heard_s)
+
+    @property
     def results(self) -> Sequence[StopResult]:
         """Return what became of each start of each car, by name and session; several starts have one name wrongly."""
         pressed_s = self._pressed_s or 0.0
@@ -104,7 +114,7 @@ class FleetStop:
                 found.append(StopResult(name, session, at_s - pressed_s if at_s is not None else None))
             refused = {session: at for (car, session), at in self._refused.items() if car == name}
             found += [StopResult(name, each, None, at) for each, at in sorted(refused.items()) if each not in heard]
-            if not heard and any(car == name for _, car in self._known):
+            if not heard and any(car == name for _, car in self._known) and not self._is_recording(name):
                 found.append(StopResult(name, "", None))
         return found
 
@@ -166,14 +176,14 @@ async def run(options: argparse.Namespace) -> int:
         while not _is_over(stop, links, time.monotonic() - began_s):
             stop.step(time.monotonic())
             await asyncio.sleep(PERIOD_S)
-        problems = [f"{link.endpoint}: {link.problem}" for link in links if link.problem]
-        results = stop.results
-    for line in lines(results):
+        problems = _problems(links)
+        results, recordings = stop.results, stop.recordings
+    for line in (*lines(results), *(f"{name:<16} {NOTHING_DRIVES}" for name in recordings)):
         options.print_line(one_line(line))
-    for problem in problems:
+    for problem in problems if results else ():
         options.print_line(one_line(f"cars only there were not stopped: {problem}"))
-    if not results:
-        options.print_line("no car was found")
+    if not results and not recordings:
+        options.print_line(one_line(_nothing_stopped(problems)))
     return 0 if results and not problems and all(one.took_s is not None for one in results) else 1
 
 
@@ -199,13 +209,26 @@ def _is_over(stop: FleetStop, links: Sequence[FleetLink], passed_s: float) -> bo
     return passed_s > GIVE_UP_S or (done and passed_s > SETTLING_S)
 
 
+def _problems(links: Sequence[FleetLink]) -> list[str]:
+    return [f"{link.endpoint} ({link.problem})" for link in links if link.problem]
+
+
+def _nothing_stopped(problems: Sequence[str]) -> str:
+    """Return what became of an e-stop that reached no car, and what stops one then."""
+    why = f"cannot connect to {'; '.join(problems)}" if problems else "no car was found"
+    return f"nothing was stopped: {why}. Stop the car by hand; --connect ENDPOINT is another place to look"
+
+
 async def _only_car(options: argparse.Namespace) -> str:
     """Return the name of the only car; an error names them, because a guess would leave one of them driving."""
     async with fleet_links(options) as links:
         seen = FleetStop(links, options.name)
         await asyncio.sleep(SETTLING_S)
-        names = list(seen.cars)
-    if len(names) != 1:
-        found = f"there are several cars: {', '.join(names)}" if names else "no car was found"
-        raise ConnectionProblemError(f"{found}; stop all of them: wallride stop --all")
+        problems, names = _problems(links), [*seen.cars, *seen.recordings]
+    if not names:
+        raise ConnectionProblemError(_nothing_stopped(problems))
+    if len(names) > 1:
+        raise ConnectionProblemError(
+            f"nothing was stopped: there are several cars: {', '.join(names)}; stop all of them: wallride stop --all"
+        )
     return names[0]

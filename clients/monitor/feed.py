@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from wallride.clients.connection import another_car
 from wallride.clients.monitor.history import PlotHistory
 from wallride.clients.monitor.outbox import FROM_CAR
+from wallride.clients.played import PlayedNames
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.network import BYTES, RefusedError
@@ -61,8 +62,14 @@ class PageFeed:
         self.watchers: set[Watcher] = set()
         self.history = history or PlotHistory()
         self._bus = Bus(config)
+        self._played = PlayedNames(self._bus, car)
         self._topics = {topics.key(car, topic): topic for topic in FROM_CAR}
         self._declared = False
+
+    @property
+    def is_recording(self) -> bool:
+        """Whether what has the car's name is a recording that is played."""
+        return self.car in self._played
 
     async def run(self) -> None:
         """Connect, connect again, measure the round trip; until cancelled."""

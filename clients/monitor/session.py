@@ -154,6 +154,7 @@ class PageSession:
             "watching": feed.car if feed is not None else "",
             "here": feed is not None and feed.car in relay.names,
             "link_problem": feed.problem if feed is not None else "",
+            "recording": feed is not None and feed.is_recording,
             "round_trip_s": feed.round_trip_s if feed is not None else None,
             "replaced": self._outbox.replaced,
         }

@@ -183,7 +183,7 @@ async def operate(options: argparse.Namespace) -> int:
         source = _open_source(options, things)
         feel = _feel(options, keys=options.keyboard or options.window, script=bool(options.script))
         pilot = Pilot(secrets.randbits(63) + 1, options.name, feel)
-        async with connected(options) as (bus, car):
+        async with connected(options, asks=True) as (bus, car):
             screen = Screen(sys.stdout, plain=options.plain or bool(options.script))
             things.callback(screen.close)
             client = Client(bus, car, pilot, source, screen, time.monotonic, options.session)

@@ -46,6 +46,8 @@ JSON_TOPICS = (STATUS, DECISION)
 
 COMMAND = "operator/command"
 ALIVE = "alive"
+PLAYED = "played"
+"""Token beside `alive` of what is no car but a recording that is played under a car's name."""
 REFUSED = "refused"
 """Token of a car whose name another one has at a router: `refused/SESSION`; the other one holds `alive/SESSION`."""
 OPERATOR_ALIVE = "operator/alive"

@@ -1,5 +1,6 @@
 """`wallride replay --publish`: a recording on zenoh under the car's own keys, as if the car were there.
 
+A token says that it is a recording, so that no screen takes it for a car that drives.
 It is a router of its own on this machine, so that a monitor finds it where a simulated car would be. Besides the
 terminal's keys, the query `wallride/<car>/replay` controls it: {"pause": true}, {"speed": 2}, {"seek_s": 12}.
 """
@@ -62,6 +63,7 @@ class Broadcast:
     async def run(self) -> int:
         """Publish until the end."""
         bus, car = self.bus, self._car
+        bus.announce(topics.key(car, topics.PLAYED))
         bus.announce(topics.key(car, topics.ALIVE))
         bus.answer(topics.key(car, REPLAY), self.answer)
         await bus.open()

@@ -10,6 +10,7 @@ const STATE_MOODS = { driving: "good", "waiting for device": "bad", "e-stopped":
 const LOW_CELL_V = 3.4;
 const EMPTY_CELL_V = 3.2;
 const CELL_V = [[18, 6], [13.5, 4], [9.2, 3], [0, 2]];
+const PLAYED = "A recording is played here; nothing drives.";
 
 export class Condition {
   /** onBound: called when safety binds the operator from now on. */
@@ -34,12 +35,14 @@ export class Condition {
     this.#line("software", "plain", `wallride ${status.version ?? "?"}, up ${age((status.up_s ?? 0) * 1000)}`);
     this.#line("recording", recordingMood(status.recording), recordingWords(status.recording));
     const { state = status.state, reason, measure, clears } = status.condition ?? {};
-    setData($("state"), "state", String(state ?? ""));
-    setText($("state"), state ?? "–");
+    const isPlayed = this.link.newest.monitor.value?.recording;
+    setData($("state"), "state", isPlayed ? "recording" : String(state ?? ""));
+    setText($("state"), isPlayed ? "recording" : state ?? "–");
     this.#line("clears", STATE_MOODS[state] ?? "warn", clears ? `${because(reason, measure)}; cleared by: ${this.device.clears(state, clears)}` : state ?? "unknown");
     const output = status.output;
     this.#overruled(status.overruled);
-    setText($("why"), output ? `${output.winner}: ${because(output.reason, output.measure)}` : "nothing has been decided yet");
+    const why = output ? `${output.winner}: ${because(output.reason, output.measure)}` : "nothing has been decided yet";
+    setText($("why"), isPlayed ? `${PLAYED} Then: ${why}` : why);
   }
 
   /** Says when safety would stop the human whom it does not bind, and offers to let it. */
@@ -67,10 +70,26 @@ export class Condition {
     const away = monitor && !monitor.here;
     const words = pages || (monitor?.problem ? "no car" : monitor?.link_problem ? "no link to the car" : away ? "the car is away" : "");
     const fresh = link.open && beatMs < 500;
+    if (link.open && monitor?.recording && !words) {
+      this.#sayPlayed();
+      setText($("round-trip"), "–");
+      return;
+    }
     if (!fresh) this.#sayWhatIsMissing(pages, monitor, away);
     setData($("link"), "mood", words || !fresh ? "bad" : beatMs > 200 ? "warn" : "good");
     setText($("link-age"), words || (Number.isFinite(beatMs) ? `heard ${age(beatMs)} ago` : "not heard"));
     setText($("round-trip"), number(toCar + link.roundTripMs, 1, " ms"));
+  }
+
+  /** A recording has no heartbeat, and its state is of the time of its drive. */
+  #sayPlayed() {
+    if (!this.link.newest.status.value) {
+      setData($("state"), "state", "recording");
+      setText($("state"), "recording");
+      setText($("why"), PLAYED);
+    }
+    setData($("link"), "mood", "good");
+    setText($("link-age"), "recording");
   }
 
   /** Instead of a state that is old: what is not there, and what to start. */

@@ -213,6 +213,20 @@ async def test_a_car_that_does_not_latch_and_an_endpoint_that_is_away_are_failur
         assert len(came) > 10, "it is told again and again"
 
 
+@pytest.mark.parametrize("arguments", [["--all"], ["--car", "car1"], []])
+async def test_an_e_stop_that_reaches_nothing_says_that_nothing_was_stopped(arguments, monkeypatch):
+    monkeypatch.setattr(fleet_stop, "GIVE_UP_S", 0.8)
+    away = free_endpoint()
+    parsed, said = stop_options(*arguments, "--connect", away)
+    try:
+        assert await fleet_stop.run(parsed) == 1
+    except ConnectionProblemError as problem:
+        said = [str(problem)]
+    assert len(said) == 1
+    assert said[0].startswith(f"nothing was stopped: cannot connect to {away} (")
+    assert "Stop the car by hand" in said[0]
+
+
 async def test_of_two_cars_of_one_name_both_must_confirm(monkeypatch):
     monkeypatch.setattr(fleet_stop, "GIVE_UP_S", 0.8)
     async with (

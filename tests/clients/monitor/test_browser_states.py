@@ -5,8 +5,12 @@ import asyncio
 import pytest
 
 from tests.clients.monitor.operating import operate, take_control, watching
+from tests.sim.replay.recorded import record
 from wallride.runtime.arbitration.driving_state import CLEARED_BY
 from wallride.runtime.arbitration.emergency_stop import Cause
+from wallride.sim.replay import publish
+from wallride.sim.replay.drive_log import read_log
+from wallride.sim.replay.player import Player
 
 STATE, WHY = "document.querySelector('#state').textContent", "document.querySelector('#why').textContent"
 NEXT = "document.querySelector('#pilot-next').textContent"
@@ -26,6 +30,22 @@ async def test_without_a_car_the_page_says_what_to_start(scene, tab):
         for wrong in (".rs", "cargo", "Single(", "inf ", "never ago", "Timeout"):
             assert wrong not in said
         assert await tab.run(NEXT) == GONE
+
+
+async def test_a_played_recording_is_told_and_is_no_car_to_drive(scene, tab, tmp_path, monkeypatch):
+    monkeypatch.setattr(publish, "single_keys", lambda: None)
+    await asyncio.to_thread(record, tmp_path / "drive.mcap", seconds=3.0)
+    player = Player(read_log(tmp_path / "drive.mcap"), asyncio.get_running_loop().time, loops=True)
+    playing = asyncio.create_task(publish.Broadcast(player, "car1", scene.endpoint).run())
+    async with scene.monitor():
+        await tab.look(width=1400, height=900)
+        await tab.go(scene.url)
+        await tab.until(
+            f"{STATE} === 'recording' && {WHY}.startsWith('A recording is played here; nothing drives. Then: ')"
+        )
+        await tab.until(f"{NEXT} === 'A recording is played here: there is no car to drive.'")
+        assert await tab.run("document.querySelector('#link-age').textContent") == "recording"
+    playing.cancel()
 
 
 async def test_a_car_that_went_away_is_named(scene, tab):

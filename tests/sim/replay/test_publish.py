@@ -12,7 +12,12 @@ from pathlib import Path
 import pytest
 
 from tests.sim.replay.recorded import options
-from wallride.clients.connection import Cars
+from wallride.cli import build_parser
+from wallride.clients import logs, parameters, status
+from wallride.clients.connection import Cars, ConnectionProblemError
+from wallride.clients.fleet import cars, stop
+from wallride.clients.played import NOTHING_DRIVES, PlayedNames
+from wallride.clients.teleop import app
 from wallride.runtime.wire import topics, zenoh_config
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.network import RefusedError
@@ -53,14 +58,14 @@ async def playing(dead_end, monkeypatch):
 async def test_it_is_heard_as_the_car_would_be(playing, dead_end):
     _, client = playing
     heard = []
-    cars = Cars(client)
+    present = Cars(client)
     client.subscribe("wallride/car1/*", lambda key, payload, _: heard.append((key, payload)))
     needed = {topics.key("car1", topic) for topic in (topics.SCAN, topics.STATUS, topics.OUTPUT)}
     await until(lambda: needed <= {key for key, _ in heard})
     recorded = {(topics.key("car1", message.topic), message.payload) for message in read_log(dead_end).messages}
     assert set(heard) <= recorded, "the very bytes of the recording"
     assert not any(key.endswith(("/tape", "/settings")) for key, _ in heard)
-    await until(lambda: "car1" in cars.names)
+    await until(lambda: "car1" in present.names)
 
 
 async def test_questions_steer_it_and_nonsense_is_refused(playing):
@@ -120,3 +125,66 @@ def test_keys_work_in_a_real_terminal_and_the_terminal_is_left_as_it_was(dead_en
         process.send_signal(signal.SIGKILL)
         process.wait()
         os.close(master)
+
+
+def command_line(*arguments):
+    """Return the options of a command and the lines that it says."""
+    parsed, said = build_parser().parse_args(arguments), []
+    parsed.print_line = said.append
+    return parsed, said
+
+
+async def test_no_command_takes_a_recording_for_a_car_that_drives(playing, tmp_path):
+    script = tmp_path / "hands.csv"
+    script.write_text("time_s,buttons,speed,steering\n0,manual,1,0\n")
+    _, client = playing
+    at = ("--connect", client.endpoint)
+    parsed, said = command_line("status", *at)
+    assert await status.run(parsed) == 0
+    assert said[0].splitlines()[0] == f"car1: {NOTHING_DRIVES}. What follows is its status of then."
+    for arguments in (("stop", *at), ("stop", "--all", *at), ("stop", "--car", "car1", *at)):
+        parsed, said = command_line(*arguments)
+        assert await stop.run(parsed) == 1
+        assert said == [f"car1             {NOTHING_DRIVES}"]
+    parsed, said = command_line("cars", *at)
+    assert await cars.run(parsed) == 0
+    assert NOTHING_DRIVES in said[0]
+    for program, arguments in (
+        (app.operate, ("teleop", "--script", str(script), *at)),
+        (parameters.run, ("param", "get", "wall_follow.kp", *at)),
+        (logs.record, ("record", "status", *at)),
+    ):
+        parsed, said = command_line(*arguments)
+        with pytest.raises(ConnectionProblemError, match=f"car1 at .*: {NOTHING_DRIVES}$"):
+            await program(parsed)
+
+
+async def test_a_car_that_is_heard_is_no_recording_whatever_is_announced(speaking_beats):
+    bus, client = speaking_beats
+    played = PlayedNames(client)
+    bus.announce(topics.key("car1", topics.PLAYED))
+    beats = []
+    client.subscribe(topics.key("car1", topics.BEAT), lambda *sample: beats.append(sample))
+    await until(lambda: beats and list(played._announced))
+    assert "car1" not in played
+    assert list(played) == []
+
+
+@pytest.fixture
+async def speaking_beats():
+    """A session that sends heartbeats as a car does, and a client."""
+    bus = Bus(zenoh_config.car_config([free_endpoint()], None, (), "car1"))
+    await bus.open()
+    client = Bus(zenoh_config.client_config(bus.endpoint, None))
+    await client.open()
+
+    async def beat():
+        while True:
+            bus.put(topics.key("car1", topics.BEAT), b"beat", urgent=True)
+            await asyncio.sleep(0.02)
+
+    beating = asyncio.create_task(beat())
+    yield bus, client
+    beating.cancel()
+    await client.close()
+    await bus.close()

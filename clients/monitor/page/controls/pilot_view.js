@@ -44,6 +44,7 @@ export class PilotView {
   #whatIsMissing() {
     const { link } = this;
     const monitor = link.newest.monitor.value;
+    if (monitor?.recording) return "A recording is played here: there is no car to drive.";
     if (link.ageMs("beat") < GONE_MS || !monitor || (monitor.here && !monitor.problem)) return "";
     return `No car to drive: it ended, or its link is gone. ${START}`;
   }

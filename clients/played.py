@@ -1,0 +1,48 @@
+"""Names on the bus that are no cars: recordings that `wallride replay --publish` plays under a car's name."""
+
+from collections.abc import Callable, Iterator
+from typing import Protocol
+
+from wallride.runtime.wire import topics
+
+NOTHING_DRIVES = "a recording is played here; nothing drives"
+
+
+class Ears(Protocol):
+    """The part of the bus that is needed."""
+
+    def watch(self, key: str, changed: Callable[[str, bool], None]) -> None:
+        """Call for every liveliness token."""
+        ...
+
+    def subscribe(self, key: str, receive: Callable[[str, bytes, float], None]) -> None:
+        """Call for every sample."""
+        ...
+
+
+class PlayedNames:
+    """The names that announce a recording and of which no heartbeat is heard: a recording has none, every car has."""
+
+    def __init__(self, bus: Ears, car: str = "*") -> None:
+        self._announced: set[str] = set()
+        self._alive: set[str] = set()
+        bus.watch(topics.key(car, topics.PLAYED), self._on_token)
+        bus.subscribe(topics.key(car, topics.BEAT), self._on_beat)
+
+    def __contains__(self, car: str) -> bool:
+        """Tell whether what has this name is a recording."""
+        return car in self._announced and car not in self._alive
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names of recordings."""
+        return iter(sorted(self._announced - self._alive))
+
+    def _on_token(self, key: str, alive: bool) -> None:  # noqa: FBT001 - the bus's callback
+        name = key.split("/")[1]
+        if alive:
+            self._announced.add(name)
+        else:
+            self._announced.discard(name)
+
+    def _on_beat(self, key: str, _payload: bytes, _arrival_s: float) -> None:
+        self._alive.add(key.split("/")[1])
