@@ -1,7 +1,7 @@
 """`wallride calibrate`: guides through the steps, shows before and after, writes what is accepted."""
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -26,12 +26,12 @@ from wallride.clients.remote.driver import DriveRefusedError
 from wallride.clients.teleop import terminal
 from wallride.runtime.calibration import proposals
 from wallride.runtime.calibration.proposals import Proposal
+from wallride.runtime.host.questions import asked, yes_or_no
 from wallride.runtime.host.terminal_text import say
 from wallride.runtime.parameters.file import StoreError
 from wallride.runtime.settings.tree import SettingsError
 
 TRIES = 5
-Ask = Callable[[str], str]
 
 
 def run(options: argparse.Namespace) -> int:
@@ -53,6 +53,7 @@ def _undo(path: Path) -> int:
 
 def _calibrate(options: argparse.Namespace) -> int:
     path, wanted = _file(options), frozenset(options.steps or STEPS)
+    say(f"settings of {path}")
     with connect(options.car, at=options.connect, keys=options.keys, session=options.session) as car:
         now = current_values(car, path)
         _check_yes(car, given=options.yes)
@@ -69,7 +70,7 @@ def _calibrate(options: argparse.Namespace) -> int:
         if SPEED in wanted and so_far.arcs is not None and so_far.arcs.fit.speed_factor.why and not options.yes:
             measured += _tape(car, so_far)
     if OUTLINE in wanted and not options.yes:
-        measured += _outline(now, input)
+        measured += _outline(now)
     for note in so_far.notes:
         say(note)
     if not measured:
@@ -80,9 +81,7 @@ def _calibrate(options: argparse.Namespace) -> int:
 
 
 def _file(options: argparse.Namespace) -> Path:
-    path: Path | None = options.config
-    if path is None:
-        raise CalibrationError("no settings file: give the car's with --config, on the car's computer")
+    path: Path = options.config
     check_writable(path)
     return path
 
@@ -112,7 +111,7 @@ def _drive(car: RemoteCar, step: DrivenStep, so_far: CalibrationProgress, *, alw
             if always:
                 raise CalibrationError(f"{step.title}: {error}; nothing was written") from None
             say(f"  {error}")
-        if input("  drive this step again? [Y/n: leave it out] ").strip().lower().startswith("n"):
+        if not yes_or_no("  drive this step again? (n: leave it out)", default=True):
             return []
     say(f"  {step.title}: left out after {TRIES} tries")
     return []
@@ -125,33 +124,34 @@ def _tape(car: RemoteCar, so_far: CalibrationProgress) -> list[Proposal]:
     )
     _drive(car, step, so_far, always=False)
     reported_m = so_far.taped_m
-    text = input("  distance from the mark to the wheel [m], Enter for none: ").strip() if reported_m else ""
-    if not text or not reported_m:
+    taped_m = (
+        asked("  distance from the mark to the wheel [m], Enter for none: ", _length_m, None) if reported_m else None
+    )
+    if not taped_m or not reported_m:
         return []
-    gain = so_far.now[proposals.SPEED_GAIN] * reported_m / _number(text)
-    return [
-        _by_hand(proposals.SPEED_GAIN, so_far.now, round(gain, 1), f"{text} m by tape, {reported_m:.3f} m reported")
-    ]
+    gain = so_far.now[proposals.SPEED_GAIN] * reported_m / taped_m
+    words = f"{taped_m:g} m by tape, {reported_m:.3f} m reported"
+    return [_by_hand(proposals.SPEED_GAIN, so_far.now, round(gain, 1), words)]
 
 
-def _outline(now: Mapping[str, float], ask: Ask) -> list[Proposal]:
+def _outline(now: Mapping[str, float]) -> list[Proposal]:
     """Ask for the outline, which the car cannot see."""
     say("\noutline\n  Measure with a tape; Enter keeps the value.")
     found = []
     for name, words in OUTLINE_WORDS.items():
-        text = ask(f"  {name}, {words} [{now[name]:g} m]: ").strip()
-        if text:
-            found.append(_by_hand(name, now, _number(text), "by tape"))
+        length_m = asked(f"  {name}, {words} [{now[name]:g} m]: ", _length_m, None)
+        if length_m is not None:
+            found.append(_by_hand(name, now, length_m, "by tape"))
     return found
 
 
-def _number(text: str) -> float:
+def _length_m(text: str) -> float:
     try:
         value = float(text.replace(",", "."))
     except ValueError:
         value = 0.0
     if not 0.0 < value < 100.0:
-        raise CalibrationError(f"{text} is not a length in metres, as 0.42")
+        raise ValueError(f"{text} is not a length in metres, as 0.42")
     return value
 
 
@@ -177,7 +177,7 @@ def _write(path: Path, changed: Sequence[Proposal], *, yes: bool) -> int:
     if not changed:
         say("nothing to write: every setting that could be measured is as before")
         return 0
-    if not yes and input(f"write {len(changed)} values to {path}? [y/N] ").strip().lower() != "y":
+    if not yes and not yes_or_no(f"write {len(changed)} values to {path}?", default=False):
         say("nothing was written: the car drives as before; the table above has the values")
         return 0
     kept = settings_file.write(path, changed, datetime.now(UTC).date().isoformat())

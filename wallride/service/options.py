@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from wallride.failure import fail
+from wallride.runtime.host.questions import yes_or_no
 from wallride.runtime.host.terminal_text import say
 
 RUNNING: Final = Path("run/systemd/system")
@@ -145,7 +146,7 @@ def _agreed(options: argparse.Namespace) -> bool:
         say("nothing done: say --yes")
         return False
     _need_root(options.root)
-    if input("do it? [y/N] ").strip().lower() in {"y", "yes"}:
+    if yes_or_no("do it?", default=False):
         return True
     say("nothing done")
     return False

@@ -115,13 +115,13 @@ def test_the_table_shows_before_and_after():
     assert "no bends" in lines[2]
 
 
-def test_the_outline_is_asked_for():
+def test_the_outline_is_asked_for_and_a_wrong_length_again(monkeypatch, capsys):
     now = dict.fromkeys(OUTLINE_WORDS, 0.2)
-    answers = iter(["0,44", "", "0.16"])
-    found = command._outline(now, lambda _text: next(answers))
+    answers = iter(["0,44", "wide", "", "0.16"])
+    monkeypatch.setattr("builtins.input", lambda _text: next(answers))
+    found = command._outline(now)
     assert [(one.name, one.new) for one in found] == [("car.front_m", 0.44), ("car.half_width_m", 0.16)]
-    with pytest.raises(CalibrationError, match="length in metres"):
-        command._outline(now, lambda _text: "wide")
+    assert "wide is not a length in metres" in capsys.readouterr().out
 
 
 def test_an_unknown_step_is_refused(capsys):
