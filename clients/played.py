@@ -29,7 +29,7 @@ class PlayedNames:
         bus.watch(topics.key(car, topics.PLAYED), self._on_token)
         bus.subscribe(topics.key(car, topics.BEAT), self._on_beat)
 
-    def __contains__(self, car: str) -> bool:
+    def __contains__(self, car: object) -> bool:
         """Tell whether what has this name is a recording."""
         return car in self._announced and car not in self._alive
 

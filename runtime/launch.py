@@ -82,12 +82,22 @@ class LaunchError(Exception):
 class Files:
     """The files of a process. saved: live parameters; base: the settings file below that one, if any.
 
-    address: destination of telemetry's address.
+    address: destination of telemetry's address. overrides: of the command line, KEY=VALUE.
     """
 
     saved: Path | None = None
     base: Path | None = None
     address: Path | None = None
+    overrides: Sequence[str] = ()
+
+    def words(self, settings: Settings) -> tuple[int, str]:
+        """Return the level of the log and the line that says whose settings count."""
+        over = "".join(f", --set {one}" for one in self.overrides)
+        if self.base is None and self.saved is None:
+            wheelbase = f"a wheelbase of {settings.car.wheelbase_m:g} m"
+            return logging.WARNING, f"no settings file: the defaults count{over}, {wheelbase} among them"
+        saved = f", above it {self.saved}" if self.base is not None else ""
+        return logging.INFO, f"settings of {self.base or self.saved}{saved}{over}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +120,7 @@ def main(
     if loaded_files():
         sys.setswitchinterval(SWITCH_S)
     with journal(settings.log.level, settings.log.format):
+        log.log(*files.words(settings))
         log.info("%s", scheduling)
         for warning in warnings:
             log.warning("%s", warning)

@@ -28,7 +28,7 @@ from wallride.deploy import options as deploy_options
 from wallride.failure import TRACEBACK_VARIABLE, USAGE_ERROR, ask_again_for_lost_interrupts, fail, needs, report
 from wallride.fleet import options as fleet_options
 from wallride.new import options as new_options
-from wallride.parser import DEFAULT_CONFIG, Parser, add_set, default_config
+from wallride.parser import Parser, add_config, add_set, default_config
 from wallride.runtime.host.terminal_text import one_line, say
 from wallride.service import options as service_options
 from wallride.vesc import options as vesc_options
@@ -85,7 +85,7 @@ def build_parser() -> argparse.ArgumentParser:
     run.set_defaults(run=_run)
     check.set_defaults(run=_check)
     for command in (run, check):
-        command.add_argument("config", nargs="?", type=Path, help=f"TOML file (default: {DEFAULT_CONFIG} if there)")
+        add_config(command)
         add_set(command)
     run.add_argument(
         "--address-file", type=Path, metavar="FILE", help="write the endpoints of telemetry and the session as JSON"
@@ -168,7 +168,9 @@ def _run(options: argparse.Namespace) -> int:
     from wallride.runtime import launch
 
     try:
-        files = launch.Files(options.saved or file, file if options.saved else None, options.address_file)
+        files = launch.Files(
+            options.saved or file, file if options.saved else None, options.address_file, options.assignments
+        )
         joystick, problems_of_pads = _joystick(settings)
         launch.main(settings, files, launch.Sessions(session, routers), (*warnings, *problems_of_pads), joystick)
     except launch.LaunchError as error:

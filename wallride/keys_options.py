@@ -5,7 +5,7 @@ from pathlib import Path
 
 from wallride.client_options import between
 from wallride.failure import fail, needs
-from wallride.parser import default_config
+from wallride.parser import add_config, default_config
 from wallride.runtime.host.terminal_text import one_line, say
 
 DEFAULT_DIR = Path("/etc/wallride/keys")
@@ -65,6 +65,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     for action in (init, add_person, revoke, show, router):
         action.add_argument("--dir", type=Path, default=DEFAULT_DIR, help=f"folder of keys (default: {DEFAULT_DIR})")
         action.add_argument("--car", metavar="NAME", help="name of the car (default: car.name of its settings)")
+        add_config(action, positional=False)
         action.set_defaults(run=run)
 
 
@@ -76,17 +77,17 @@ def run(options: argparse.Namespace) -> int:
     with needs("keys", "keys need"):
         from wallride.clients.keys import command
     try:
-        lines = command.run(options, options.car or _car_name())
+        lines = command.run(options, options.car or _car_name(options.config))
     except (KeysError, SettingsError) as error:
         return fail(str(error))
     say("\n".join(map(one_line, lines)))
     return 0
 
 
-def _car_name() -> str:
+def _car_name(config: Path | None) -> str:
     from wallride.runtime.settings.tree import load_settings
 
-    return load_settings(default_config()).car.name
+    return load_settings(config or default_config()).car.name
 
 
 def _days(text: str) -> int:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from wallride.client_options import add_common, add_name, between, port, run_client
 from wallride.failure import needs
+from wallride.parser import CONFIG_VARIABLE, add_config, named_config
 from wallride.runtime.host.terminal_text import say
 
 DEFAULT_PORT = 8447
@@ -41,10 +42,9 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "--max-steering", type=between(0.05, 1.5), default=0.34, metavar="RAD",
         help="maximum steering angle from the page (default: 0.34)",
     )  # fmt: skip
-    parser.add_argument(
-        "--config", type=Path, metavar="FILE",
-        help="the car's settings file, on the car's computer: calibrated values that a page accepts are written there;"
-        " without it pages show them",
+    add_config(
+        parser, "settings file, on the car's computer: calibrated values that a page accepts are written there",
+        f"${CONFIG_VARIABLE}; without a file pages show them",
     )  # fmt: skip
     parser.add_argument(
         "--farewell", type=Path, metavar="FILE",
@@ -58,4 +58,5 @@ def run(options: argparse.Namespace) -> int:
     """Run the server; exit code 2 when a package is missing."""
     with needs("monitor", "the monitor needs"):
         from wallride.clients.monitor import server
+    options.config = options.config or named_config()
     return run_client(server.run, options)

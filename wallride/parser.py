@@ -2,8 +2,9 @@
 
 import argparse
 import difflib
+import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Never
 
@@ -11,6 +12,8 @@ CHOICES = re.compile(r"invalid choice: '(?P<wrong>[^']*)' \(choose from (?P<choi
 OPTION = re.compile(r"--[a-z][a-z-]+")
 
 DEFAULT_CONFIG = Path("/etc/wallride/car.toml")
+CONFIG_VARIABLE = "WALLRIDE_CONFIG"
+"""Environment variable: the car's settings file for every command that reads one, unless it is named."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -41,6 +44,36 @@ def did_you_mean(wrong: str, known: Sequence[str]) -> str:
     return f"; did you mean {near[0]}?" if near else ""
 
 
+class _OneFile(argparse.Action):
+    """Take a file that may be given in two ways, but not two files."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, _option: str | None = None
+    ) -> None:
+        if values is None:  # FILE is not given: --config may be
+            return
+        before = getattr(namespace, self.dest, None)
+        if before not in {None, values}:
+            parser.error(f"two settings files: {before} and {values}; name one")
+        setattr(namespace, self.dest, values)
+
+
+def add_config(
+    command: argparse.ArgumentParser, use: str = "settings file of the car",
+    default: str = f"${CONFIG_VARIABLE}, else {DEFAULT_CONFIG} if there", *, positional: bool = True,
+) -> None:  # fmt: skip
+    """Add the settings file, as --config FILE. use: what it is for. default: where none is named.
+
+    positional: as FILE as well, where the command has no other argument that an option may part from it.
+    """
+    words = f"{use} (default: {default})"
+    if positional:
+        command.add_argument("config", nargs="?", type=Path, action=_OneFile, metavar="FILE", help=words)
+    command.add_argument(
+        "--config", type=Path, action=_OneFile, metavar="FILE", help="the same" if positional else words
+    )
+
+
 def add_set(command: argparse.ArgumentParser) -> None:
     """Add --set KEY=VALUE."""
     command.add_argument(
@@ -64,5 +97,11 @@ def add_json(command: argparse.ArgumentParser, what: str) -> None:
 
 
 def default_config() -> Path | None:
-    """Return the car's settings file; None where there is none."""
-    return DEFAULT_CONFIG if DEFAULT_CONFIG.is_file() else None
+    """Return the car's settings file where none is named; None where there is none."""
+    return named_config() or (DEFAULT_CONFIG if DEFAULT_CONFIG.is_file() else None)
+
+
+def named_config(environment: Mapping[str, str] = os.environ) -> Path | None:
+    """Return the settings file that the environment names; None where it names none."""
+    named = environment.get(CONFIG_VARIABLE)
+    return Path(named).expanduser() if named else None

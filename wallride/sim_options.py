@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from wallride.parser import add_json, add_set
+from wallride.parser import add_config, add_json, add_set
 
 MAX_CARS = 32
 
@@ -19,7 +19,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         help="a built-in world, track:seed=N, a ROS map .yaml or a scenario .toml (default: loop)",
     )
     add_set(sim)
-    sim.add_argument("--config", type=Path, help="settings file of the simulated car (default: config/sim.toml's)")
+    add_config(sim, "settings file of the simulated car", "config/sim.toml's", positional=False)
     sim.add_argument("--headless", action="store_true", help="no live view, only the summary")
     sim.add_argument("--duration", type=float, metavar="S", help="seconds to drive (default: 60; a recording's length)")
     sim.add_argument(

@@ -4,6 +4,7 @@ import argparse
 import asyncio
 import math
 import os
+import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -44,7 +45,7 @@ def emulate(options: argparse.Namespace, stop: StopRequest) -> int:
 
         def tell(addresses: DeviceAddresses) -> None:
             write_settings(file, addresses)
-            _show(console, file, scene.world.name, addresses)
+            _show(console, file, scene.world.name, addresses, options.config_variable)
 
         asyncio.run(car.keep(options.duration or math.inf, stop, tell))
     except (SettingsError, ConditionsError, SimUsageError, SessionError, tomlkit.exceptions.TOMLKitError) as error:
@@ -83,14 +84,17 @@ def write_settings(file: Path, addresses: DeviceAddresses) -> None:
         fresh.replace(file)
 
 
-def _show(console: Console, file: Path, world: str, addresses: DeviceAddresses) -> None:
+def _show(console: Console, file: Path, world: str, addresses: DeviceAddresses, variable: str) -> None:
     shown = " and ".join(addresses.lidars)
     console.print(
         f"an emulated car in {world}: lidar at {shown}, motor controller at {addresses.motor}", soft_wrap=True
     )
-    console.print(f"its settings, yours to edit: {file}; in another terminal:", soft_wrap=True)
+    console.print(f"its settings, yours to edit: {file}", soft_wrap=True)
+    console.print("In each other terminal first, so that every command means this car:")
+    console.print(f"  export {variable}={shlex.quote(str(file))}", soft_wrap=True)
+    console.print("then, for example:")
     for command in ("doctor", "run", "teleop"):
-        console.print(f"  wallride {command}{'' if command == 'teleop' else f' {file}'}", soft_wrap=True)
+        console.print(f"  wallride {command}")
     sys.stdout.write(f"--set lidar.address={addresses.lidar}\n--set motor.address={addresses.motor}\n")
     sys.stdout.flush()
     console.print("Ctrl-C ends it")

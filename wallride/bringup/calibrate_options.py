@@ -5,9 +5,10 @@ from pathlib import Path
 
 from wallride import client_options
 from wallride.failure import fail
-from wallride.parser import DEFAULT_CONFIG
+from wallride.parser import DEFAULT_CONFIG, add_config, default_config
 
 STEPS = ("speed", "steering", "lidar", "own-parts", "delay", "brake", "outline")
+SUFFIX = ".toml"
 
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -18,14 +19,11 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         description="Drives the car through short ways while you hold a key, shows each setting before and after, and"
         " writes to its settings file what you accept. Run it on the car's computer, beside the running car.",
     )
-    parser.add_argument("steps", nargs="*", type=_step, metavar="STEP", help=f"of {', '.join(STEPS)} (default: all)")
     parser.add_argument(
-        "--config",
-        type=Path,
-        default=DEFAULT_CONFIG,
-        metavar="FILE",
-        help=f"the car's file (default: {DEFAULT_CONFIG})",
-    )
+        "steps", nargs="*", type=_step, action=_StepsAndFile, metavar="STEP",
+        help=f"of {', '.join(STEPS)} (default: all)",
+    )  # fmt: skip
+    add_config(parser, "settings file of the car, also among the steps", positional=False)
     parser.add_argument(
         "--wheelbase", type=client_options.between(0.05, 2.0), metavar="M",
         help="wheelbase by ruler; then the servo's gain is measured, and without it the effective wheelbase",
@@ -38,9 +36,24 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     parser.set_defaults(run=run)
 
 
+class _StepsAndFile(argparse.Action):
+    """Keep the steps, and the settings file where it is named among them."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: object, _option: str | None = None
+    ) -> None:
+        words = list(map(str, values)) if isinstance(values, list) else []
+        files = [text for text in words if text.endswith(SUFFIX)]
+        if len({*files, *([str(namespace.config)] if namespace.config else [])}) > 1:
+            parser.error(f"two settings files: {', '.join(files)}; name one")
+        if files:
+            namespace.config = Path(files[0])
+        namespace.steps = [text for text in words if text not in files]
+
+
 def _step(text: str) -> str:
-    if text not in STEPS:
-        raise argparse.ArgumentTypeError(f"{text} is not a step: {', '.join(STEPS)}")
+    if text not in STEPS and not text.endswith(SUFFIX):
+        raise argparse.ArgumentTypeError(f"{text} is not a step: {', '.join(STEPS)}; nor a settings file, {SUFFIX}")
     return text
 
 
@@ -49,6 +62,7 @@ def run(options: argparse.Namespace) -> int:
     from wallride.clients.calibration.command import run as calibrate
     from wallride.clients.connection import ConnectionProblemError
 
+    options.config = options.config or default_config() or DEFAULT_CONFIG
     try:
         return calibrate(options)
     except ConnectionProblemError as error:

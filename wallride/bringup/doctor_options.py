@@ -2,10 +2,10 @@
 
 import argparse
 import sys
-from pathlib import Path
 
 from wallride.failure import fail
-from wallride.parser import DEFAULT_CONFIG, add_set, default_config
+from wallride.parser import add_config, add_set, default_config
+from wallride.runtime.host.questions import asked, yes_or_no
 from wallride.runtime.host.terminal_text import say
 
 GROUPS = ("program", "computer", "ports", "lidar", "motor", "access", "joystick")
@@ -22,7 +22,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         " 1 warnings, 2 something to mend before it drives.",
     )
     doctor.set_defaults(run=run)
-    doctor.add_argument("config", nargs="?", type=Path, help=f"TOML file (default: {DEFAULT_CONFIG} if there)")
+    add_config(doctor)
     add_set(doctor)
     doctor.add_argument(
         "--only", action="append", choices=GROUPS, metavar="GROUP", help=f"{', '.join(GROUPS)} (repeatable)"
@@ -69,8 +69,8 @@ def _confirmed() -> bool:
     if not sys.stdin.isatty():
         return False
     print("The wheels will turn at 0.7 m/s and steer. Put the car on a stand, wheels in the air, hands off.")
-    return input(f"type '{CONFIRMED}' to begin: ").strip().lower() == CONFIRMED
+    return asked(f"type '{CONFIRMED}' to begin: ", lambda text: text.lower() == CONFIRMED, default=False)
 
 
 def _answer(question: str) -> bool | None:
-    return input(f"{question} [y/n] ").strip().lower() in {"y", "yes"} if sys.stdin.isatty() else None
+    return yes_or_no(question) if sys.stdin.isatty() else None

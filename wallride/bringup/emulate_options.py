@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from wallride.client_options import port
-from wallride.parser import add_set
+from wallride.parser import CONFIG_VARIABLE, add_set
 from wallride.sim_options import add_conditions
 
 
@@ -16,7 +16,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         description="Keeps an emulated lidar and motor controller running, under names that stay, in a world in which"
         " the car drives. Writes a settings file for `wallride doctor`, `run` and all other commands.",
     )
-    parser.set_defaults(run=run, laps=None)
+    parser.set_defaults(run=run, laps=None, config_variable=CONFIG_VARIABLE)
     parser.add_argument("world", nargs="?", default="corridor", help="a built-in world or a ROS map .yaml")
     add_set(parser)
     parser.add_argument(

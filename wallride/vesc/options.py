@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from wallride.client_options import between
 from wallride.failure import fail
-from wallride.parser import DEFAULT_CONFIG, add_set, default_config
+from wallride.parser import add_config, add_set, default_config
+from wallride.runtime.host.questions import yes_or_no
 from wallride.runtime.host.terminal_text import say
 
 if TYPE_CHECKING:
@@ -43,11 +44,9 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         help="write a kept copy back into the VESC that it is of",
         description="Writes a copy that `wallride vesc set` kept into the same VESC, with the same cautions.",
     )
-    back.add_argument("file", type=Path, metavar="FILE", help="as `wallride vesc set` said")
+    back.add_argument("file", type=Path, metavar="COPY", help="as `wallride vesc set` said")
     for action in (change, back):
-        action.add_argument(
-            "--config", type=Path, metavar="FILE", help=f"the car's settings (default: {DEFAULT_CONFIG})"
-        )
+        add_config(action, positional=action is change)
         add_set(action)
         action.add_argument("--yes", action="store_true", help="do not ask; without a terminal needed")
         action.add_argument("--dry-run", action="store_true", help="only say what it would write")
@@ -66,7 +65,9 @@ def run(options: argparse.Namespace) -> int:
     from wallride.vesc.port import refuse_taken_port
 
     try:
-        settings = load_settings(options.config or default_config(), options.assignments)
+        file = options.config or default_config()
+        settings = load_settings(file, options.assignments)
+        say(f"settings of {file or 'no file: the defaults'}; motor controller at {settings.motor.address}")
         refuse_taken_port(this_computer(), settings)
         access = change.VescAccess(parse_address(settings.motor.address), backup_folder(), say, _consent(options))
         if options.action == "restore":
@@ -98,7 +99,7 @@ def _consent(options: argparse.Namespace) -> Callable[[], bool]:
         if not sys.stdin.isatty():
             say("nothing done: say --yes")
             return False
-        if input("the car stands, disarmed: write it? [y/N] ").strip().lower() in {"y", "yes"}:
+        if yes_or_no("the car stands, disarmed: write it?", default=False):
             return True
         say("nothing done")
         return False
