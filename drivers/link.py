@@ -14,15 +14,17 @@ import errno
 import fcntl
 import os
 import socket
+import struct
 import termios
-from collections.abc import Callable
-from typing import Never, TypeVar
+from collections.abc import Callable, Coroutine
+from typing import Any, Never, TypeVar
 
 from wallride.drivers import spare_descriptors
 from wallride.drivers.address import Address, SerialAddress, TcpAddress
 from wallride.drivers.api import Clock, LinkLost
 
 E = TypeVar("E", bound=Exception)
+T = TypeVar("T")
 
 BytesHandler = Callable[[bytes, float], None]
 """Takes a chunk and the monotonic time at which it was read."""
@@ -31,6 +33,7 @@ Tap = Callable[[str, bytes, float], None]
 
 CONNECT_TIMEOUT_S = 2.0
 _READ_BYTES = 16384
+_NO_SUCH_LINE = frozenset({errno.ENOTTY, errno.EINVAL, errno.EOPNOTSUPP})
 
 
 class ByteLink:
@@ -76,6 +79,16 @@ class ByteLink:
             raise self._fail(LinkLost(f"{self.address}: it stopped taking bytes (hung device? power-cycle it)"))
         if self.tap is not None:
             self.tap("out", data, self.clock())
+
+    def set_data_terminal_ready(self, on: bool) -> None:  # noqa: FBT001 - the state of a line
+        """Set the line DTR of a serial port, which starts and stops the motor of some lidars; other links have none."""
+        if not self._open:
+            return
+        try:
+            fcntl.ioctl(self._fd, termios.TIOCMBIS if on else termios.TIOCMBIC, struct.pack("I", termios.TIOCM_DTR))
+        except OSError as error:
+            if error.errno not in _NO_SUCH_LINE:
+                raise self._fail(LinkLost(f"{self.address}: {_explain(error)}")) from error
 
     async def lost(self) -> Never:
         """Wait until the link is lost and raise the reason; a bug in the handler is raised here too, unchanged."""
@@ -154,11 +167,26 @@ class ByteLink:
         return error
 
 
-async def open_link(address: Address, clock: Clock) -> ByteLink:
-    """Open the port; LinkLost names the obstacle and the usual remedy."""
+async def until_lost(link: ByteLink, work: Coroutine[Any, Any, T]) -> T:
+    """Do the work, or raise LinkLost as soon as the link is lost; none of it is left running."""
+    lost = asyncio.ensure_future(link.lost())
+    working = asyncio.ensure_future(work)
+    try:
+        await asyncio.wait((lost, working), return_when=asyncio.FIRST_COMPLETED)
+        if lost.done() and not working.done():
+            lost.result()
+        return await working
+    finally:
+        lost.cancel()
+        working.cancel()
+        await asyncio.gather(lost, working, return_exceptions=True)
+
+
+async def open_link(address: Address, clock: Clock, *, dtr: bool = True) -> ByteLink:
+    """Open the port; LinkLost names the obstacle and the usual remedy. dtr: state of that line of a serial port."""
     if isinstance(address, TcpAddress):
         return await _open_tcp(address, clock)
-    return _open_serial(address, clock)
+    return _open_serial(address, clock, dtr=dtr)
 
 
 async def _open_tcp(address: TcpAddress, clock: Clock) -> ByteLink:
@@ -194,11 +222,12 @@ def _keep_alive(sock: socket.socket) -> None:
             sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
 
 
-def _open_serial(address: SerialAddress, clock: Clock) -> ByteLink:
+def _open_serial(address: SerialAddress, clock: Clock, *, dtr: bool) -> ByteLink:
     import serial  # 20 ms, and a lidar on Ethernet never needs it
 
     port = serial.Serial(baudrate=address.baud, timeout=0, exclusive=True)
     port.port = address.path
+    port.dtr = dtr
     try:
         with spare_descriptors.freed():
             port.open()

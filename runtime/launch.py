@@ -17,7 +17,6 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from wallride.drivers.hokuyo.driver import Hokuyo
 from wallride.drivers.vesc.driver import Vesc
 from wallride.runtime import kernel
 from wallride.runtime.app import Car, CarSurroundings, history_file
@@ -29,6 +28,7 @@ from wallride.runtime.host.ending import end_in_time
 from wallride.runtime.host.logging_setup import journal
 from wallride.runtime.host.scheduling import ask_for_precedence, keep_for_this_thread
 from wallride.runtime.host.stop_signals import STOP_SIGNALS, STOP_SIGNALS_HELD
+from wallride.runtime.lidars import lidar_for, motion_of
 from wallride.runtime.live_stack import warm_up
 from wallride.runtime.realtime import prefetch
 from wallride.runtime.realtime.cpu_latency import awake
@@ -226,7 +226,8 @@ async def _drive(
 
     motor = Vesc(settings.motor, clock=clock, clear_s=scan_phase.clear_s, replied=replied)
     fitted(motor)
-    lidar = Hokuyo(settings.lidar, clock=clock, clear_s=scan_phase.clear_s)
+    motion = motion_of(settings.car, lambda: motor.state)
+    lidar = lidar_for(settings.lidar, clock=clock, clear_s=scan_phase.clear_s, motion=motion)
     around = CarSurroundings(
         files.saved,
         files.base,

@@ -3,17 +3,15 @@
 import asyncio
 import contextlib
 import math
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final, TypeVar
+from typing import Final
 
 from wallride.drivers.api import LinkLost, ProtocolError
 from wallride.drivers.hokuyo.codec import ReplyBlock, ScipDeframer, command
 from wallride.drivers.hokuyo.replies import SensorParameters, decode_number, fields, is_healthy
 from wallride.drivers.hokuyo.timing import ClockReading
 from wallride.drivers.link import ByteLink
-
-T = TypeVar("T")
 
 REPLY_TIMEOUT_S: Final = 0.3
 """Maximum wait for a reply. Vendor code waits 140 ms; twice that allows for a busy computer."""
@@ -84,21 +82,6 @@ class Conversation:
             if self._answer is not None and not self._answer.done() and block.echo == self._question:
                 self.answered_s = read_at_s
                 self._answer.set_result(block)
-
-
-async def until_lost(link: ByteLink, work: Coroutine[Any, Any, T]) -> T:
-    """Do the work, or raise LinkLost as soon as the link is lost; none of it is left running."""
-    lost = asyncio.ensure_future(link.lost())
-    working = asyncio.ensure_future(work)
-    try:
-        await asyncio.wait((lost, working), return_when=asyncio.FIRST_COMPLETED)
-        if lost.done() and not working.done():
-            lost.result()
-        return await working
-    finally:
-        lost.cancel()
-        working.cancel()
-        await asyncio.gather(lost, working, return_exceptions=True)
 
 
 async def quieten(talk: Conversation) -> None:

@@ -22,11 +22,11 @@ from wallride.drivers.api import (
     as_wanted,
 )
 from wallride.drivers.hokuyo.codec import command
-from wallride.drivers.hokuyo.conversation import Conversation, SensorIdentity, identify, quieten, read_clock, until_lost
+from wallride.drivers.hokuyo.conversation import Conversation, SensorIdentity, identify, quieten, read_clock
 from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.drivers.hokuyo.stream import UNSTABLE_WARN, ScanStream, Sequence
 from wallride.drivers.hokuyo.timing import ClockReading, StampGate
-from wallride.drivers.link import Tap, open_link
+from wallride.drivers.link import Tap, open_link, until_lost
 
 _log = logging.getLogger(__name__)
 

@@ -19,6 +19,7 @@ from pydantic_core import to_jsonable_python
 from wallride.runtime.control.method_settings import METHODS
 from wallride.runtime.control.own_laws.law_class import loaded
 from wallride.runtime.parameters.policy import Effect, Loosens, effect_of, loosens_by
+from wallride.runtime.settings.devices import DRIVERS
 from wallride.runtime.settings.tree import Settings
 
 Value = bool | int | float | str | Sequence[str]
@@ -211,6 +212,8 @@ def _kind(
     if key == "method" and section in METHODS:
         built_in = tuple(str(law.model_fields["method"].default) for law in METHODS[section])
         return ValueKind.CHOICE, (*built_in, *own_laws)
+    if key == "driver" and section in DRIVERS:
+        return ValueKind.CHOICE, tuple(str(one.model_fields["driver"].default) for one in DRIVERS[section])
     if get_origin(annotation) is Literal:
         return ValueKind.CHOICE, tuple(str(word) for word in get_args(annotation))
     if get_origin(annotation) in {tuple, list}:

@@ -31,6 +31,7 @@ from wallride.runtime.control.method_settings import (
 from wallride.runtime.control.own_laws.law_class import ANSWERS, NAME, OWN_TAG, known_law, load_law
 from wallride.runtime.control.vehicle import NAME_RULE, CarSettings
 from wallride.runtime.host.user_module import UserCodeError, search_in
+from wallride.runtime.settings.devices import DEFAULT_LIDAR, DRIVER_TAGS, DRIVERS, ChosenLidar
 from wallride.runtime.settings.joystick import JoystickSettings
 from wallride.runtime.settings.operator import OperatorSettings
 from wallride.runtime.settings.parameters import ParameterSettings
@@ -41,6 +42,9 @@ from wallride.runtime.settings.session import SessionSettings
 from wallride.runtime.settings.telemetry import TelemetryRates
 from wallride.runtime.settings_base import Section
 from wallride.runtime.wire.rmw_zenoh import ROS2_PLANNER, RosGraph, node_name
+
+_TAGS = TAGS | DRIVER_TAGS
+"""Parts of the place of an error that stand in no file: which member of a union was read."""
 
 
 class SettingsError(Exception):
@@ -104,7 +108,7 @@ class Settings(Section):
     """All settings, as one frozen value."""
 
     car: CarSettings = CarSettings()
-    lidar: HokuyoSettings = HokuyoSettings()
+    lidar: ChosenLidar = HokuyoSettings()
     motor: VescSettings = VescSettings()
     wall_follow: ChosenWallFollow = BallFollowSettings()
     safety: ChosenSafety = SweptSafetySettings()
@@ -224,7 +228,7 @@ def import_laws(tree: Mapping[str, Any], beside: Path | None = None) -> list[Map
 def _holds(layer: Mapping[str, Any], place: Sequence[str | int]) -> bool:
     """Whether a layer says the value at a place of the tree, which may hold the tag of a method."""
     value: Any = layer
-    for part in (part for part in place if part not in TAGS):
+    for part in (part for part in place if part not in _TAGS):
         if not isinstance(value, dict):
             return True  # the layer gives the whole of what the place is in: a list, or a wrong value
         if part not in value:
@@ -245,6 +249,8 @@ def layered(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any
         if name in METHODS and value.get("method", before) != before:
             kept = kept_by_new_method(name, before, value["method"])
             under = {key: one for key, one in under.items() if key in kept}
+        if name in DRIVERS and value.get("driver", under.get("driver")) != under.get("driver", DEFAULT_LIDAR):
+            under = {}  # address and mounting are those of the other device
         tree[name] = layered(under, value)
     return tree
 
@@ -299,7 +305,7 @@ def _value(text: str) -> object:
 
 def _sentence(error: Mapping[str, Any], tree: Mapping[str, Any]) -> str:
     """Format one pydantic error: key, problem, remedy."""
-    path = [part for part in error["loc"] if part not in TAGS]
+    path = [part for part in error["loc"] if part not in _TAGS]
     key = ".".join(str(part) for part in path)
     if error["type"] == "extra_forbidden":
         known = _known_keys(error["loc"][:-1], tree)
@@ -310,7 +316,8 @@ def _sentence(error: Mapping[str, Any], tree: Mapping[str, Any]) -> str:
             return f"{key} is a setting of {' and '.join(others)}; delete it. Known here: {', '.join(known)}"
         return f"{key} is not a setting; {meant}known here: {', '.join(known)}"
     if error["type"] == "union_tag_invalid":
-        return f"{key}.method = '{error['ctx']['tag']}': input should be {error['ctx']['expected_tags']}"
+        choice = "driver" if key in DRIVERS else "method"
+        return f"{key}.{choice} = '{error['ctx']['tag']}': input should be {error['ctx']['expected_tags']}"
     if error["type"] in {"model_type", "model_attributes_type"}:
         return f"{key} = {error['input']!r}: is a section; write [{key}] and its keys below, or {key}.KEY=VALUE"
     if key == "car.name" and error["type"] == "string_pattern_mismatch":
@@ -320,9 +327,13 @@ def _sentence(error: Mapping[str, Any], tree: Mapping[str, Any]) -> str:
 
 
 def _methods_with(section: str, key: str) -> list[str]:
-    """Return the built-in methods of a section that have a key."""
+    """Return the built-in methods, or the drivers, of a section that have a key."""
+    choices = (("method", METHODS), ("driver", DRIVERS))
     return [
-        str(model.model_fields["method"].default) for model in METHODS.get(section, ()) if key in model.model_fields
+        str(model.model_fields[choice].default)
+        for choice, models in choices
+        for model in models.get(section, ())
+        if key in model.model_fields
     ]
 
 
@@ -335,10 +346,11 @@ def _known_keys(path: Sequence[str | int], tree: Mapping[str, Any]) -> list[str]
     for part in path:
         if part == OWN_TAG:
             section = OWN_METHODS[str(path[0])]
-        elif part in TAGS:
-            section = next(model for model in section if model.model_fields["method"].default == part)
+        elif part in _TAGS:
+            choice = "driver" if part in DRIVER_TAGS else "method"
+            section = next(model for model in section if model.model_fields[choice].default == part)
         else:
-            section = METHODS.get(str(part)) or section.model_fields[part].annotation
+            section = METHODS.get(str(part)) or DRIVERS.get(str(part)) or section.model_fields[part].annotation
     return list(section.model_fields)
 
 

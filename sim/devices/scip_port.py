@@ -8,6 +8,7 @@ import fcntl
 import os
 import pty
 import socket
+import struct
 import termios
 import tty
 from collections.abc import Callable
@@ -206,7 +207,17 @@ class SerialDoor:
         if self._theirs is None:
             return None
         speed = termios.tcgetattr(self._theirs)[5]
-        return next((baud for baud in _BAUDS if getattr(termios, f"B{baud}") == speed), None)
+        usual = next((baud for baud in _BAUDS if getattr(termios, f"B{baud}") == speed), None)
+        return self._other_baud() if usual is None else usual
+
+    def _other_baud(self) -> int | None:
+        """Return a speed for which POSIX has no name; Linux tells it in the last field of termios2."""
+        assert self._theirs is not None  # noqa: S101 - the caller has looked
+        try:
+            told = fcntl.ioctl(self._theirs, _TCGETS2, bytes(_TERMIOS2.size))
+        except OSError:
+            return None
+        return int(_TERMIOS2.unpack(told)[-1])
 
     def allow_reopening(self) -> None:
         """Clear a client's exclusive lock, which on a real port ends when the client closes it."""
@@ -214,4 +225,6 @@ class SerialDoor:
             fcntl.ioctl(self._theirs, termios.TIOCNXCL)
 
 
+_TCGETS2: Final = 0x802C542A
+_TERMIOS2: Final = struct.Struct("@IIIIB19BII")
 _BAUDS: Final = (9600, 19200, 38400, 57600, 115200, 230400)

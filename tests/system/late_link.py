@@ -10,6 +10,7 @@ import numpy as np
 
 from tests.system.soak.scene import MemoryLidar
 from wallride.drivers.hokuyo.driver import Hokuyo
+from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.drivers.link import ByteLink
 from wallride.runtime.app import Car
 from wallride.runtime.settings.tree import Settings
@@ -125,11 +126,12 @@ class _Stage:
             }
         )
 
-        async def open_link(address: Any, clock: Any) -> ByteLink:
+        async def open_link(address: Any, clock: Any, **_: Any) -> ByteLink:
             end = scip.connect()
             return ByteLink(address, end.fileno(), lambda _lost: end.close(), clock)
 
         with mock.patch("wallride.drivers.hokuyo.driver.open_link", open_link):
+            assert isinstance(settings.lidar, HokuyoSettings)
             self._lidar = Hokuyo(settings.lidar, clock=clock)
             self._car = Car(settings, self._lidar, WorldMotor(twin, clock), MemoryBus(clock, listened_to=False), clock)
             turning = asyncio.get_running_loop().create_task(self._turn())

@@ -64,7 +64,7 @@ class SocketVesc(VescEmulator):
             self._on_payload(payload)
 
 
-def _open_socket(address, clock):
+def _open_socket(address, clock, *, dtr=True):
     port = socket.socket(socket.AF_UNIX)
     try:
         port.connect(address.path)

@@ -9,9 +9,9 @@ import numpy as np
 
 from wallride.doctor.findings import Finding, fail, ok, warn
 from wallride.drivers.api import Health, LinkState, Scan
-from wallride.drivers.hokuyo.driver import Hokuyo
-from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.runtime.ending import end
+from wallride.runtime.lidars import lidar_for
+from wallride.runtime.settings.devices import AnyLidarSettings
 
 WANTED_SCANS: Final = 20
 PATIENCE_S: Final = 8.0
@@ -47,9 +47,9 @@ class LidarReport:
     scans: list[Scan] = field(default_factory=list)
 
 
-async def look_at_lidar(settings: HokuyoSettings, *, patience_s: float = PATIENCE_S) -> LidarReport:
+async def look_at_lidar(settings: AnyLidarSettings, *, patience_s: float = PATIENCE_S) -> LidarReport:
     """Run the driver until enough scans came, or it failed twice; the sensor is left quiet."""
-    driver = Hokuyo(settings)
+    driver = lidar_for(settings)
     report = LidarReport(driver.health)
     running = asyncio.create_task(driver.run(report.scans.append))
     give_up_s = time.monotonic() + patience_s

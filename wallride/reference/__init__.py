@@ -26,6 +26,7 @@ from wallride.runtime.control.report.settings import ReportFollowSettings, Repor
 from wallride.runtime.parameters.catalogue import Parameter, catalogue
 from wallride.runtime.parameters.policy import Effect
 from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.settings.devices import DEFAULT_LIDAR, DRIVER_TAGS
 from wallride.runtime.settings.telemetry import RatesHz
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.wire import topics
@@ -141,12 +142,26 @@ def _sections(
     """Yield each section with its settings; those of other laws after those of the default laws."""
     for section in dict.fromkeys(name.rpartition(".")[0] for name in default):
         chosen = [parameter for name, parameter in default.items() if name.rpartition(".")[0] == section]
-        method = next((p for p in chosen if p.name == f"{section}.method"), None)
-        yield section if method is None else f"{section}, method = {json.dumps(method.default)}", chosen
+        choices = {f"{section}.method": "method", **({"lidar.driver": "driver"} if section == "lidar" else {})}
+        choice = next((p for p in chosen if p.name in choices), None)
+        if choice is None:
+            yield section, chosen
+        else:
+            yield f"{section}, {choices[choice.name]} = {json.dumps(choice.default)}", chosen
+        if section == "lidar":
+            yield from _other_lidars()
     for law, known in others.items():
         for section in ("wall_follow", "safety"):
             chosen = [parameter for name, parameter in known.items() if name.rpartition(".")[0] == section]
             yield f'{section}, method = "{law}"', chosen
+
+
+def _other_lidars() -> Iterator[tuple[str, list[Parameter]]]:
+    """Yield the settings of the lidars other than the default one."""
+    for name in sorted(DRIVER_TAGS - {DEFAULT_LIDAR}):
+        settings = Settings.model_validate({"lidar": {"driver": name}})
+        known = catalogue(settings).items()
+        yield f'lidar, driver = "{name}"', [one for key, one in known if key.rpartition(".")[0] == "lidar"]
 
 
 def _setting_row(parameter: Parameter) -> str:

@@ -23,6 +23,7 @@ from tests.system.soak.surroundings import (
     SoakSurroundings,
 )
 from wallride.drivers.hokuyo.driver import Hokuyo
+from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.drivers.link import ByteLink
 from wallride.drivers.vesc.driver import Vesc
 from wallride.runtime.app import Car, CarSurroundings
@@ -87,6 +88,7 @@ class VirtualSoak(SoakSurroundings):
         )
         phase = ScanPhase()
         motor = Vesc(settings.motor, clock=clock, clear_s=phase.clear_s, replied=phase.replied)
+        assert isinstance(settings.lidar, HokuyoSettings)
         lidar = Hokuyo(settings.lidar, clock=clock, clear_s=phase.clear_s)
         car = Car(settings, lidar, motor, self.bus, clock, CarSurroundings(scan_phase=phase))
         car.connect()

@@ -1,0 +1,94 @@
+"""A head that turns in a room and a driver that listens, for the tests of the drivers of turning lidars."""
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from wallride.drivers.api import Health, LinkState, Scan
+from wallride.drivers.rplidar.driver import Rplidar
+from wallride.drivers.rplidar.settings import RplidarSettings
+from wallride.drivers.turning.driver import TurningLidar
+from wallride.drivers.ydlidar.driver import Ydlidar
+from wallride.drivers.ydlidar.settings import YdlidarSettings
+from wallride.sim.devices.rplidar import RplidarDevice
+from wallride.sim.devices.turning import TurningEmulator
+from wallride.sim.devices.ydlidar import YdlidarDevice
+
+LIMIT_S = 20.0
+WALL_M, ROUND_M = 2.0, 3.0
+"""A wall ahead at 2 m, and a round wall everywhere else."""
+Floats = npt.NDArray[np.float64]
+
+
+def room_m(bearing_rad: Floats) -> Floats:
+    """Return the true ranges of the room."""
+    cos = np.cos(bearing_rad)
+    return np.where(cos > WALL_M / ROUND_M, WALL_M / np.maximum(cos, 0.1), ROUND_M)
+
+
+def room_mm(bearing_rad: Floats) -> npt.NDArray[np.int64]:
+    """Return the same as the emulators want it."""
+    return np.rint(room_m(bearing_rad) * 1000).astype(np.int64)
+
+
+class Rig:
+    """An emulated sensor that turns, and a driver that listens; `scans` collects what came out."""
+
+    def __init__(self, emulator: TurningEmulator, address: str, **settings: Any) -> None:
+        self.emulator = emulator
+        self.driver = driver_for(emulator, address, **settings)
+        self.scans: list[Scan] = []
+        self.task = asyncio.create_task(self.driver.run(self.scans.append))
+
+    @property
+    def health(self) -> Health:
+        return self.driver.health
+
+    @property
+    def counts(self) -> dict[str, int]:
+        return self.driver.health.counts
+
+    def link(self) -> LinkState:
+        return self.driver.health.link
+
+    async def until(self, condition: Callable[[], bool]) -> None:
+        """Wait for a condition while the head turns."""
+        async with asyncio.timeout(LIMIT_S):
+            while not condition():
+                if self.task.done():
+                    self.task.result()
+                self.emulator.advance(time.monotonic(), room_mm)
+                await asyncio.sleep(0.004)
+
+    async def more_scans(self, number: int = 3) -> list[Scan]:
+        """Wait for so many further scans and return them."""
+        before = len(self.scans)
+        await self.until(lambda: len(self.scans) >= before + number)
+        return self.scans[before:]
+
+    async def run_for(self, duration_s: float) -> None:
+        end_s = time.monotonic() + duration_s
+        await self.until(lambda: time.monotonic() >= end_s)
+
+
+def driver_for(emulator: TurningEmulator, address: str, **settings: Any) -> TurningLidar:
+    """Return the driver that an emulated sensor needs."""
+    settings = {"silent_after_s": 0.5, **settings}
+    if isinstance(emulator.device, YdlidarDevice):
+        model = emulator.device.model
+        named = {"model": "x2"} if model.one_way else {}
+        return Ydlidar(YdlidarSettings(address=address, **named, **settings))
+    assert isinstance(emulator.device, RplidarDevice)
+    return Rplidar(RplidarSettings(address=address, **settings))
+
+
+MakeRig = Callable[..., Awaitable[Rig]]
+
+
+async def stop(rig: Rig) -> None:
+    rig.task.cancel()
+    await asyncio.gather(rig.task, return_exceptions=True)

@@ -1,0 +1,224 @@
+"""The drivers of turning lidars against emulated sensors: up, through losses and faults, and down again."""
+
+import asyncio
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tests.drivers.turning.rig import Rig, room_m, stop
+from wallride.drivers.api import LinkState, Scan
+from wallride.sim.devices import rplidar, ydlidar
+from wallride.sim.devices.rplidar import RplidarDevice
+from wallride.sim.devices.turning import TurningDevice, TurningEmulator
+from wallride.sim.devices.ydlidar import YdlidarDevice
+
+SENSORS: dict[str, Callable[[], TurningDevice]] = {
+    "a1": lambda: RplidarDevice(rplidar.A1),
+    "a1 old": lambda: RplidarDevice(rplidar.A1_OLD),
+    "a1 oldest": lambda: RplidarDevice(rplidar.A1_OLDEST),
+    "a2": lambda: RplidarDevice(rplidar.A2),
+    "c1": lambda: RplidarDevice(rplidar.C1),
+    "s2": lambda: RplidarDevice(rplidar.S2),
+    "x4": lambda: YdlidarDevice(ydlidar.X4),
+    "x2": lambda: YdlidarDevice(ydlidar.X2),
+    "g4": lambda: YdlidarDevice(ydlidar.G4),
+}
+TWO = ["a1", "x4"]
+
+
+def sensor(name: str) -> TurningEmulator:
+    return TurningEmulator(SENSORS[name]())
+
+
+def bearings_rad(scan: Scan) -> np.ndarray:
+    return scan.angle_min_rad + scan.angle_step_rad * np.arange(scan.ranges_m.size)
+
+
+def assert_true(scan: Scan) -> None:
+    """A scan shows the room: right at 95 % of the beams, the others at the edge between its walls."""
+    off_m = np.abs(scan.ranges_m - room_m(bearings_rad(scan)))
+    assert np.nanquantile(off_m, 0.95) < 0.03
+    assert np.isnan(scan.ranges_m).mean() < 0.02
+    assert bearings_rad(scan)[scan.ranges_m.size // 2] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", SENSORS)
+async def test_every_sensor_is_found_at_its_speed_and_shows_the_room(plugged, name):
+    emulator = sensor(name)
+    emulator.checks_baud = True
+    rig: Rig = await plugged(emulator)
+    scans = await rig.more_scans(6)
+    for scan in scans:
+        assert_true(scan)
+        assert 0 <= scan.received_s - scan.stamp_s < 0.1
+    assert rig.link() is LinkState.READY
+    gaps_s = np.diff([scan.stamp_s for scan in scans])
+    assert np.median(gaps_s) == pytest.approx(1 / emulator.device.turns_hz, rel=0.05)
+    assert [scan.sequence for scan in scans] == list(range(scans[0].sequence, scans[0].sequence + 6))
+    assert "Hz" in rig.health.message or "beams" not in rig.health.message
+    assert "LIDAR" in rig.health.identity
+
+
+@pytest.mark.parametrize("name", TWO)
+async def test_a_bridge_serves_as_well(bridged, name):
+    rig: Rig = await bridged(sensor(name))
+    assert_true((await rig.more_scans())[-1])
+
+
+@pytest.mark.parametrize("name", TWO)
+async def test_it_is_left_quiet(plugged, name):
+    rig: Rig = await plugged(sensor(name))
+    await rig.more_scans()
+    rig.task.cancel()
+    end_s = time.monotonic() + 1.0
+    while rig.emulator.device.streaming and time.monotonic() < end_s:
+        await asyncio.sleep(0.005)
+    assert not rig.emulator.device.streaming
+    await stop(rig)
+
+
+@pytest.mark.parametrize("name", TWO)
+async def test_a_sensor_that_still_streams_from_a_killed_process_is_used(plugged, name):
+    emulator = sensor(name)
+    rig: Rig = await plugged(emulator)
+    emulator.device.feed(b"\xa5\x20" if name == "a1" else b"\xa5\x60")
+    assert emulator.device.streaming
+    assert_true((await rig.more_scans())[-1])
+
+
+@pytest.mark.parametrize("name", TWO)
+async def test_unplugged_and_plugged_in_it_comes_back(plugged, name):
+    rig: Rig = await plugged(sensor(name))
+    await rig.more_scans()
+    rig.emulator.unplug()
+    await rig.until(lambda: rig.link() is LinkState.ABSENT)
+    assert "LIDAR" not in rig.health.message.split(":")[0]
+    await rig.run_for(0.5)
+    rig.emulator.replug()
+    scans = await rig.more_scans()
+    assert rig.link() is LinkState.READY
+    assert scans[0].sequence > 0
+
+
+@pytest.mark.parametrize("name", TWO)
+async def test_silence_is_not_ready_and_ends_with_the_link(plugged, name):
+    rig: Rig = await plugged(sensor(name), degraded_after_s=0.25)
+    await rig.more_scans()
+    rig.emulator.silence = True
+    await rig.until(lambda: rig.link() is not LinkState.READY)
+    before = len(rig.scans)
+    await rig.run_for(1.0)
+    assert len(rig.scans) == before
+    rig.emulator.silence = False
+    await rig.more_scans()
+    assert rig.link() is LinkState.READY
+
+
+@pytest.mark.parametrize("name", TWO)
+async def test_a_head_that_stands_gives_no_scans(plugged, name):
+    rig: Rig = await plugged(sensor(name))
+    await rig.more_scans()
+    rig.emulator.blocked = True
+    await rig.until(lambda: rig.link() is LinkState.FAULTY)
+    before = len(rig.scans)
+    await rig.until(lambda: rig.link() is LinkState.ABSENT or "turn" in rig.health.message)
+    assert len(rig.scans) == before
+    rig.emulator.blocked = False
+    await rig.more_scans()
+
+
+@pytest.mark.parametrize("name", TWO)
+async def test_damage_on_the_line_loses_samples_and_nothing_else(plugged, name):
+    emulator = sensor(name)
+    emulator.bad_checksum_every, emulator.garbage_every = 23, 37
+    rig: Rig = await plugged(emulator)
+    for scan in await rig.more_scans(8):
+        off_m = np.abs(scan.ranges_m - room_m(bearings_rad(scan)))
+        assert np.nanquantile(off_m, 0.9) < 0.03
+        assert np.isnan(scan.ranges_m).mean() < 0.3
+    assert rig.counts["checksum"] > 0
+
+
+@pytest.mark.parametrize("name", TWO)
+async def test_a_link_that_becomes_late_gives_no_scans(plugged, name):
+    rig: Rig = await plugged(sensor(name), stale_after_s=0.1, silent_after_s=5.0)
+    await rig.more_scans()
+    rig.emulator.late_s = 0.4
+    await rig.run_for(0.8)
+    before = len(rig.scans)
+    await rig.run_for(0.5)
+    assert len(rig.scans) == before
+    assert rig.counts["stale"] > 0
+
+
+@pytest.mark.parametrize("name", TWO)
+async def test_a_burst_after_a_stall_gives_no_old_scan(plugged, name):
+    rig: Rig = await plugged(sensor(name), silent_after_s=5.0)
+    await rig.more_scans()
+    rig.emulator.stall()
+    await rig.run_for(0.6)
+    before = len(rig.scans)
+    rig.emulator.release()
+    released_s = time.monotonic()
+    await rig.more_scans(4)
+    for scan in rig.scans[before:]:
+        assert scan.stamp_s > released_s - 0.3
+    assert all(b.stamp_s > a.stamp_s for a, b in zip(rig.scans, rig.scans[1:], strict=False))
+
+
+@pytest.mark.parametrize("name", TWO)
+async def test_a_fault_is_reset_once_and_then_named(plugged, name):
+    emulator = sensor(name)
+    emulator.device.fault = True  # type: ignore[attr-defined] # both devices have it
+    rig: Rig = await plugged(emulator)
+    await rig.more_scans()
+    assert rig.counts["reset"] == 1
+    assert any(what.startswith("error 0x") for what in rig.counts)
+
+
+async def test_a_fault_that_stays_is_said(plugged):
+    device = RplidarDevice()
+    device.fault = device.stays_broken = True
+    rig: Rig = await plugged(TurningEmulator(device))
+    await rig.until(lambda: rig.link() is LinkState.FAULTY)
+    assert "reset does not clear" in rig.health.message
+
+
+@pytest.mark.parametrize("name", TWO)
+async def test_a_sensor_that_refuses_to_measure_is_said(plugged, name):
+    emulator = sensor(name)
+    emulator.device.refuses = True  # type: ignore[attr-defined] # both devices have it
+    rig: Rig = await plugged(emulator)
+    await rig.until(lambda: "does not start measuring" in rig.health.message)
+    emulator.device.refuses = False  # type: ignore[attr-defined] # both devices have it
+    await rig.more_scans()
+
+
+async def test_the_other_maker_on_the_port_is_named(plugged, tmp_path):
+    other = TurningEmulator(YdlidarDevice(ydlidar.X2))
+    other.start_serial(tmp_path / "other")
+    rig = Rig(TurningEmulator(RplidarDevice()), f"serial://{tmp_path / 'other'}")
+    rig.emulator = other
+    await rig.until(lambda: "YDLIDAR" in rig.health.message)
+    assert rig.link() is LinkState.ABSENT
+    await stop(rig)
+    other.close()
+
+
+async def test_conditions_that_are_not_told_do_not_keep_it_from_measuring(plugged):
+    device = YdlidarDevice()
+    device.unanswered = frozenset({0x91, 0x92})
+    rig: Rig = await plugged(TurningEmulator(device))
+    await rig.more_scans()
+    assert rig.counts["no condition told"] == 1
+
+
+@pytest.mark.parametrize("name", TWO)
+async def test_a_covered_sensor_sees_nothing(plugged, name):
+    rig: Rig = await plugged(sensor(name))
+    await rig.more_scans()
+    rig.emulator.covered_mm = 40
+    await rig.more_scans(2)
+    assert np.isnan((await rig.more_scans(1))[0].ranges_m).all()
