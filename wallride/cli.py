@@ -25,7 +25,16 @@ from wallride import (
 )
 from wallride.bringup import calibrate_options, doctor_options, emulate_options, import_options
 from wallride.deploy import options as deploy_options
-from wallride.failure import TRACEBACK_VARIABLE, USAGE_ERROR, ask_again_for_lost_interrupts, fail, needs, report
+from wallride.failure import (
+    TRACEBACK_VARIABLE,
+    USAGE_ERROR,
+    ask_again_for_lost_interrupts,
+    fail,
+    fail_at_place,
+    forget_output,
+    needs,
+    report,
+)
 from wallride.fleet import options as fleet_options
 from wallride.new import options as new_options
 from wallride.parser import Parser, add_config, add_set, default_config
@@ -49,13 +58,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     options = build_parser().parse_args(arguments)
     try:
-        return int(options.run(options))
+        code = int(options.run(options))
+        sys.stdout.flush()  # a full disk is told here, and not behind the last line of Python
     except KeyboardInterrupt:
         return 130
+    except BrokenPipeError:  # `wallride topic echo scan | head` has seen enough
+        forget_output()
+        return 0
     except Exception as error:
         if options.command == "run" or TRACEBACK_VARIABLE in os.environ:
             raise
-        return report(error, options.command)
+        told = fail_at_place(error) if isinstance(error, OSError) else None
+        return report(error, options.command) if told is None else told
+    return code
 
 
 def command() -> int:

@@ -60,9 +60,6 @@ def run_client(program: Callable[[argparse.Namespace], Coroutine[Any, Any, int]]
         return run_to_end(program(options))
     except ConnectionProblemError as problem:
         return fail(str(problem))
-    except BrokenPipeError:  # `wallride topic echo scan | head` has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        return 0
 
 
 def between(low: float, high: float) -> Callable[[str], float]:

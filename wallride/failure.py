@@ -1,11 +1,12 @@
 """Errors that the user can correct: one sentence on stderr and exit code 2; and those that nothing expected."""
 
+import errno
 import os
 import signal
 import sys
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from wallride.runtime.host.extras import how_to_install
@@ -14,6 +15,11 @@ from wallride.runtime.host.terminal_text import one_line, say
 USAGE_ERROR = 2
 UNEXPECTED = 1
 ASKED_AGAIN_S = 0.02
+OF_A_PLACE = frozenset({
+    errno.EACCES, errno.EDQUOT, errno.EEXIST, errno.EISDIR, errno.ENAMETOOLONG, errno.ENOENT, errno.ENOSPC,
+    errno.ENOTDIR, errno.EPERM, errno.EROFS,
+})  # fmt: skip
+"""Errors of a file or folder that the user named, or of the disk it is on: not mistakes of the program."""
 TRACEBACK_VARIABLE = "WALLRIDE_TRACEBACK"
 """Environment variable: with any value, an unexpected exception is shown whole."""
 LAST_ERROR = "last-error.txt"
@@ -24,6 +30,22 @@ def fail(message: str) -> int:
     """Print the error in one line and return its exit code."""
     say(f"wallride: {one_line(message)}", file=sys.stderr)
     return USAGE_ERROR
+
+
+def fail_at_place(error: OSError) -> int | None:
+    """Print in one line which file or output cannot be used, and return the exit code; None for another error."""
+    if error.errno not in OF_A_PLACE:
+        return None
+    if error.filename is None:  # of a write: standard output, or a file that is open
+        forget_output()
+        return fail(f"the output cannot be written: {error.strerror}; make room, or write it elsewhere")
+    return fail(f"{error.filename} cannot be used: {error.strerror}; name another place")
+
+
+def forget_output() -> None:
+    """Let what is still to be written to standard output go nowhere, so that the end of the process says no more."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def ask_again_for_lost_interrupts() -> None:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from wallride.experiments import report_options, tune_options
-from wallride.parser import add_jobs, add_json, add_set
+from wallride.parser import add_jobs, add_json, add_set, writable_path
 from wallride.sim_options import add_car
 from wallride.sweeps import options as sweep_options
 
@@ -75,7 +75,10 @@ def add(parser: argparse.ArgumentParser) -> None:
 def _add_fit(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", type=Path, nargs="+", metavar="FILE", help="recordings of one car's drives")
     parser.add_argument(
-        "--out", type=Path, metavar="FILE.toml", help="write a file for --conditions of `wallride sim` and `lab`"
+        "--out",
+        type=writable_path,
+        metavar="FILE.toml",
+        help="write a file for --conditions of `wallride sim` and `lab`",
     )
     parser.add_argument(
         "--wheelbase", type=float, default=0.33, metavar="M", help="wheelbase as configured (default: 0.33)"

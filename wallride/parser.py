@@ -4,9 +4,13 @@ import argparse
 import difflib
 import os
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Never
+
+from wallride.failure import USAGE_ERROR
+from wallride.runtime.host.terminal_text import one_line, say
 
 CHOICES = re.compile(r"invalid choice: '(?P<wrong>[^']*)' \(choose from (?P<choices>.*)\)", re.DOTALL)
 OPTION = re.compile(r"--[a-z][a-z-]+")
@@ -20,11 +24,12 @@ class Parser(argparse.ArgumentParser):
     """Return subparsers of this class."""
 
     def error(self, message: str) -> Never:
-        """End with exit code 2 and the nearest known name."""
+        """End with exit code 2 and one line: what is wrong, the nearest known name, where the rest is written."""
         found = CHOICES.search(message)
         if found is not None:
             message += did_you_mean(found["wrong"], re.findall(r"[\w-]+", found["choices"]))
-        super().error(message)
+        say(f"{self.prog}: {one_line(' '.join(message.split()))} ({self.prog} --help has all options)", file=sys.stderr)
+        raise SystemExit(USAGE_ERROR)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:  # noqa: ANN401 - as argparse has it
         """Parse; an unknown option that is nearly a known one of this command ends with that."""
@@ -93,7 +98,26 @@ def add_jobs(command: argparse.ArgumentParser) -> None:
 
 def add_json(command: argparse.ArgumentParser, what: str) -> None:
     """Add --json FILE|-."""
-    command.add_argument("--json", metavar="FILE|-", help=f"write {what} as JSON")
+    command.add_argument("--json", type=writable, metavar="FILE|-", help=f"write {what} as JSON")
+
+
+def writable(text: str) -> str:
+    """Return the name of a file to write, "-" as it is; checked before minutes of work, not after them."""
+    path = Path(text)
+    if text == "-":
+        return text
+    if path.is_dir():
+        raise argparse.ArgumentTypeError(f"{text} is a directory; name a file in it")
+    if not path.absolute().parent.is_dir():
+        raise argparse.ArgumentTypeError(f"{text}: there is no directory {path.parent}; make it first")
+    if not os.access(path if path.exists() else path.absolute().parent, os.W_OK):
+        raise argparse.ArgumentTypeError(f"{text} may not be written by you; name another place")
+    return text
+
+
+def writable_path(text: str) -> Path:
+    """Return the same as a path."""
+    return Path(writable(text))
 
 
 def default_config() -> Path | None:

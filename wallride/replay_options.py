@@ -1,12 +1,14 @@
 """Options of `wallride replay`. The code is imported when the command runs."""
 
 import argparse
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wallride import client_options
 from wallride.failure import fail, needs
 from wallride.parser import add_json
+from wallride.runtime.host.terminal_text import say
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
@@ -51,8 +53,9 @@ def add(commands: "Commands") -> None:
 def add_file(parser: argparse.ArgumentParser) -> None:
     """Add the options of replay and report: recording, settings and topic."""
     parser.add_argument(
-        "file", type=Path, metavar="FILE", help="our .mcap, or a .bag, .db3, .mcap, .npz with LaserScans"
-    )
+        "file", type=Path, nargs="?", metavar="FILE",
+        help="our .mcap, or a .bag, .db3, .mcap, .npz with LaserScans (default: the newest recording of this computer)",
+    )  # fmt: skip
     parser.add_argument(
         "--set", dest="assignments", action="append", default=[], metavar="KEY=VALUE",
         help="override a recorded setting, for example wall_follow.kp=10 (repeatable)",
@@ -75,6 +78,11 @@ def run_offline(module: str, options: argparse.Namespace) -> int:
         command = import_module(module)
         from wallride.runtime.settings.tree import SettingsError
         from wallride.sim.recordings import RecordingError
+    if options.file is None:
+        options.file = newest()
+        if options.file is None:
+            return fail("there is no recording on this computer yet: name a FILE, or drive: wallride sim")
+        say(f"the newest recording: {options.file}", file=sys.stderr)
     for name in ("file", "beside"):
         if getattr(options, name, None) is not None:
             setattr(options, name, found(getattr(options, name)))
@@ -82,8 +90,6 @@ def run_offline(module: str, options: argparse.Namespace) -> int:
         return int(command.run(options))
     except (RecordingError, SettingsError) as error:
         return fail(str(error))
-    except OSError as error:
-        return fail(f"{error.filename or options.file}: {error.strerror or error}")
 
 
 def found(path: Path) -> Path:
@@ -92,6 +98,14 @@ def found(path: Path) -> Path:
     from wallride.runtime.settings.recording import recordings_folder
 
     return path if path.exists() else file_named(path, recordings_folder("")) or path
+
+
+def newest() -> Path | None:
+    """Return the newest recording of this computer, None without one."""
+    from wallride.runtime.recording.ring import newest_recording
+    from wallride.runtime.settings.recording import recordings_folder
+
+    return newest_recording(recordings_folder(""))
 
 
 def _speed(text: str) -> float:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from wallride import client_options, replay_options
 from wallride.failure import needs
+from wallride.parser import add_json, writable_path
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
@@ -18,9 +19,13 @@ def add(commands: "Commands") -> None:
     replay_options.add_file(report)
     report.add_argument("beside", nargs="?", type=Path, metavar="FILE2", help="second recording")
     report.add_argument(
-        "-o", dest="output", type=Path, metavar="RUN.html", help="page to write (default: in the current folder)"
+        "-o",
+        dest="output",
+        type=writable_path,
+        metavar="RUN.html",
+        help="page to write (default: in the current folder)",
     )
-    report.add_argument("--json", metavar="FILE|-", help="write the figures as JSON as well")
+    add_json(report, "the figures")
     report.add_argument(
         "--summary",
         type=Path,

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from wallride.parser import add_config, add_json, add_set
+from wallride.parser import add_config, add_json, add_set, writable_path
 
 MAX_CARS = 32
 
@@ -35,7 +35,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     sim.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default: 0)")
     sim.add_argument("--recording", type=Path, metavar="FILE", help="play a real recording through the emulated lidar")
     add_json(sim, "the summary")
-    sim.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the path and the error over time")
+    sim.add_argument("--plot", type=writable_path, metavar="FILE.png", help="draw the path and the error over time")
     add_conditions(
         sim.add_argument_group("conditions", "floor, lidar faults and obstacles; keys change them while it drives")
     )

@@ -97,6 +97,16 @@ def file_named(path: Path, above: Path) -> Path | None:
     return next((place / path for place in places if _is_file(place / path)), None)
 
 
+def newest_recording(above: Path) -> Path | None:
+    """Return the recording in a folder or below it that was written last, no black box; None without one."""
+    found: list[tuple[float, Path]] = []
+    for folder in folders(above):
+        with contextlib.suppress(OSError):  # a folder, or a file, that went away or may not be read
+            runs = [folder / entry.name for entry in entries(folder) if not entry.is_black_box]
+            found += [(path.stat().st_mtime, path) for path in runs]
+    return max(found, default=(0.0, None))[1]
+
+
 def _is_file(path: Path) -> bool:
     try:
         return path.is_file()

@@ -66,6 +66,11 @@ class DriveSums:
         self._least_m, self._most_m = min(self._least_m, error_m), max(self._most_m, error_m)
         self._settle.add(time_s, error_m)
 
+    @property
+    def standing_s(self) -> float:
+        """Return the time for which it stood [s]."""
+        return self._last.time_s - self._first_s - self._moving_s if self._last is not None else 0.0
+
     def figures(self) -> dict[str, Any]:
         """Return duration, distance, errors, settling, clearance and speed of the run; see `figures`."""
         last, counted = self._last, self._counted

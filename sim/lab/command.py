@@ -249,13 +249,7 @@ def _recordings(options: argparse.Namespace) -> tuple[str, ...]:
 
 
 def _check_outputs(options: argparse.Namespace) -> None:
-    """Check the output files before minutes of driving, not after them."""
-    if options.json not in {None, "-"}:
-        path = Path(options.json)
-        if path.is_dir():
-            raise LabUsageError(f"--json {path}: is a directory; name a file in it")
-        if not path.absolute().parent.is_dir():
-            raise LabUsageError(f"--json {path}: there is no directory {path.parent}; make it first")
+    """Check the folder of pictures before minutes of driving, not after them."""
     if options.plot is not None and options.plot.exists() and not options.plot.is_dir():
         raise LabUsageError(f"--plot {options.plot}: is not a directory; name one for the pictures")
 

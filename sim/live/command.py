@@ -15,7 +15,15 @@ from rich.console import Console
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.car.vehicle import Vehicle, VehicleSettings
 from wallride.sim.figures.comparison import compare
-from wallride.sim.live.drive_summary import HEARD, plot_drive, summarize, summary_table, write_summary
+from wallride.sim.live.drive_summary import (
+    HEARD,
+    failed_to_record,
+    plot_drive,
+    recorded_words,
+    summarize,
+    summary_table,
+    write_summary,
+)
 from wallride.sim.live.fleet import build_fleet, fleet_summary, run_fleet, write_fleet
 from wallride.sim.live.live_conditions import LiveConditions
 from wallride.sim.live.live_keys import pressing
@@ -51,8 +59,9 @@ class SimUsageError(Exception):
 def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     """Run one simulated drive.
 
-    Returns 0 when it was completed, by time, by laps or by Ctrl-C; 1 when the runtime failed, or drove without
-    telemetry, so that its own report is missing; 2 for a wrong option or a taken port; 130 when it was killed.
+    Returns 0 when it was completed, by time, by laps or by Ctrl-C; 1 when the runtime failed, was not recorded although
+    that was wanted, or drove without telemetry, so that its own report is missing; 2 for a wrong option or a taken
+    port; 130 when it was killed.
     """
     console = Console(stderr=True)
     try:
@@ -63,7 +72,7 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
             settings = load_settings(config, options.assignments, saved, laws=True)
         if saved.exists():
             console.print(f"[dim]with what was saved in {saved} (delete it to forget)[/dim]", soft_wrap=True)
-        _check_outputs(options)
+        _check_length(options)
         if options.cars > 1:
             return _fleet(options, config, settings, stop, console, is_scenario=scenario is not None)
         scene = _scenario_scene(options, scenario) if scenario is not None else None
@@ -75,12 +84,17 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     except SessionError as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201
         return KILLED if stop.killed else USAGE_ERROR if error.exit_code == USAGE_ERROR else FAILED
-    write_summary(summary, options.json)
     if options.json != "-":
         console.print(summary_table(summary))
         if summary.get("collided") and not options.put_back:
             console.print("The car touched something: that ends a simulated drive.")
-        console.print("What was recorded: wallride logs. A page of it: wallride report FILE")
+        words, command = recorded_words(summary["recording"])
+        console.print(words, soft_wrap=True)
+        if command:
+            console.print(f"a page of it: {command}", soft_wrap=True)
+    write_summary(summary, options.json)
+    if failed_to_record(summary["recording"]):
+        return FAILED
     if summary["telemetry"] != HEARD:
         print(f"wallride: {summary['telemetry']}; winners and faults are not known", file=sys.stderr)  # noqa: T201
         return FAILED
@@ -326,16 +340,8 @@ def parse_pose(text: str) -> Pose:
     return Pose(*numbers)
 
 
-def _check_outputs(options: argparse.Namespace) -> None:
-    """Check the output options before a minute of driving, not after it."""
+def _check_length(options: argparse.Namespace) -> None:
     if options.duration is not None and not 0 < options.duration < math.inf:
         raise SimUsageError(f"--duration {options.duration:g}: give a finite number of seconds above 0")
     if options.laps is not None and options.laps < 1:
         raise SimUsageError(f"--laps {options.laps}: give a whole number of laps, 1 or more")
-    files = [("--json", Path(options.json))] if options.json not in {None, "-"} else []
-    files += [("--plot", options.plot)] if options.plot is not None else []
-    for name, path in files:
-        if path.is_dir():
-            raise SimUsageError(f"{name} {path}: is a directory; name a file in it")
-        if not path.absolute().parent.is_dir():
-            raise SimUsageError(f"{name} {path}: there is no directory {path.parent}; make it first")

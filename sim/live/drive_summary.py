@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +11,17 @@ from rich.table import Table
 
 from wallride.runtime.arbitration.command import NO_WINNER
 from wallride.runtime.settings.tree import Settings
-from wallride.runtime.telemetry.screen_words import because
-from wallride.sim.figures.summary import device_faults
+from wallride.runtime.telemetry.screen_words import because, times
+from wallride.sim.figures.summary import SETTLE_BAND_M, device_faults
 from wallride.sim.live.record import Record
 from wallride.sim.world.place import World
 
 HEARD = "heard"
 """Value of telemetry in the summary: its statements about the runtime are that runtime's own."""
-FOR_PROGRAMS = frozenset({"began_unix_s", "session"})
-"""Fields of the summary that only its JSON file has."""
+FOR_PROGRAMS = frozenset({"began_unix_s", "session", "world", "recording"})
+"""Fields of the summary that have no row in the table."""
+NOT_RECORDING, TRYING = "NOT recording: ", "; trying again"
+Words = Callable[[Any], str]
 ROUND_FROM = 1000.0
 
 
@@ -33,6 +35,7 @@ def summarize(record: Record, settings: Settings) -> dict[str, Any]:
         "side": settings.wall_follow.side,
         "began_unix_s": round(record.began_unix_s, 3),
         **driven,
+        "standing_s": round(record.sums.standing_s, 2),
         **({"stands_because": _stands_because((status or {}).get("output"))} if driven["stopped"] else {}),
         "scan_to_motor_ms": record.latency.summary_ms(),
         "telemetry": HEARD if status else f"drove without telemetry: {record.unheard}",
@@ -41,6 +44,7 @@ def summarize(record: Record, settings: Settings) -> dict[str, Any]:
         "scans_driven": status.get("scans") if status else None,
         "winners": {name: round(seconds, 2) for name, seconds in winners.items()} if status else None,
         "faults": device_faults(status) if status else None,
+        "recording": _recording((status or {}).get("recording")),
     }
 
 
@@ -49,6 +53,11 @@ def _stands_because(decision: Mapping[str, Any] | None) -> str | None:
     if decision is None:
         return None
     return f"{decision.get('winner') or 'none'}: {because(str(decision.get('reason')), decision.get('measure'))}"
+
+
+def _recording(status: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """Return the file's name, "" without one, and the recorder's words; None where nothing was heard of it."""
+    return {"file": status.get("file") or "", "words": status.get("words") or ""} if status else None
 
 
 def write_summary(summary: dict[str, Any], target: str | None) -> None:
@@ -76,17 +85,27 @@ def plot_drive(path: Path, world: World, record: Record, settings: Settings) -> 
 
 
 def summary_table(summary: dict[str, Any]) -> Table:
-    """Return the summary as a table."""
+    """Return the summary as a table for people: in words, with units."""
     table = Table(title=f"wallride sim: {summary['world']}", show_header=False)
     for name, value in summary.items():
-        if name not in FOR_PROGRAMS and value not in ([], {}):
-            table.add_row(name, shown(_winners_in_words(value) if name == "winners" else value))
+        label, words = ROWS.get(name, (name.replace("_", " "), shown))
+        if name not in FOR_PROGRAMS and value not in ([], {}) and (text := words(value)):
+            table.add_row(label, text)
     return table
 
 
-def _winners_in_words(winners: Mapping[str, float] | None) -> Mapping[str, float] | None:
-    """Return the seconds by winner under the names of a screen; JSON keeps those of the wire."""
-    return winners and {"none" if name == NO_WINNER else name: seconds for name, seconds in winners.items()}
+def recorded_words(recording: Mapping[str, Any] | None) -> tuple[str, str]:
+    """Return what became of the recording, and the command that makes a page of it; "" where there is none."""
+    if recording is None:
+        return "it is not known whether the drive was recorded: wallride logs", ""
+    if recording["file"]:
+        return f"recorded: {recording['file']}", f"wallride report {recording['file']}"
+    return f"nothing was recorded: {str(recording['words']).removeprefix(NOT_RECORDING).removesuffix(TRYING)}", ""
+
+
+def failed_to_record(recording: Mapping[str, Any] | None) -> bool:
+    """Tell whether a recording was wanted and there is none."""
+    return recording is not None and not recording["file"] and str(recording["words"]).startswith(NOT_RECORDING)
 
 
 def shown(value: object) -> str:
@@ -103,3 +122,70 @@ def shown(value: object) -> str:
         case list():
             return ", ".join(shown(one) for one in value)
     return str(value)
+
+
+def _in(unit: str) -> Words:
+    def words(value: Any) -> str:  # noqa: ANN401 - what JSON can hold
+        return f"{shown(value)} {unit}" if value is not None else "-"
+
+    return words
+
+
+def _latency(value: Mapping[str, float] | None) -> str:
+    """Return the delay from scan to motor; the longest of a drive says whether this computer was busy."""
+    if not value or value.get("p50") is None:
+        return "-"
+    p50, p99, longest = (shown(value[name]) for name in ("p50", "p99", "max"))
+    return f"{p50} ms in half of the scans, {p99} ms in 99 %, longest {longest} ms"
+
+
+def _winners(value: Mapping[str, float] | None) -> str:
+    """Return for how long each source decided; the file's "nobody" is the time before the first decision."""
+    if not value:
+        return "-"
+    return ", ".join(
+        f"{'no source' if name == NO_WINNER else name} {shown(spent_s)} s" for name, spent_s in value.items()
+    )
+
+
+def _faults(value: Mapping[str, int] | None) -> str:
+    if not value:
+        return ""
+    return ", ".join(f"{name.replace('.', ' ').replace('_', ' ')} {times(count)}" for name, count in value.items())
+
+
+ROWS: Mapping[str, tuple[str, Words]] = {
+    "method": ("law", shown),
+    "side": ("followed wall", shown),
+    "duration_s": ("drove for", _in("s")),
+    "distance_m": ("distance driven", _in("m")),
+    "mean_abs_error_m": ("mean distance error", _in("m")),
+    "rms_error_m": ("RMS distance error", _in("m")),
+    "settle_s": (
+        f"within {100 * SETTLE_BAND_M:g} cm after",
+        lambda value: _in("s")(value) if value is not None else "never",
+    ),
+    "max_overshoot_m": ("largest overshoot", _in("m")),
+    "min_clearance_m": ("nearest to the outline", _in("m")),
+    "stopped": ("stands at the end", shown),
+    "standing_s": ("stood in all", _in("s")),
+    "mean_speed_mps": ("mean speed while moving", _in("m/s")),
+    "stands_because": ("it stands because", shown),
+    "scan_to_motor_ms": ("scan to motor", _latency),
+    "telemetry": ("telemetry", lambda value: "" if value == HEARD else shown(value)),
+    "scans_sent": ("scans sent by the lidar", shown),
+    "scans_driven": ("scans answered", shown),
+    "winners": ("who decided", _winners),
+    "faults": ("device faults", _faults),
+    "collided": ("touched something", shown),
+    "contacts": ("contacts", lambda value: shown(value) if value else ""),
+    "lap_times_s": ("lap times", _in("s")),
+    "conditions": ("conditions", shown),
+    "changed_while_driving": ("changed while it drove", lambda value: times(value) if value else ""),
+    "runtime_distance_error": (
+        "the car's own error",
+        lambda value: value and f"mean {_in('m')(value['mean_abs_m'])}, RMS {_in('m')(value['rms_m'])}",
+    ),
+    "recorded_navigation": ("beside the recorded drive", shown),
+}
+"""By the summary's field: its label, and the function that makes words of its value, "" for none."""

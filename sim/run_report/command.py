@@ -18,7 +18,6 @@ def run(options: argparse.Namespace) -> int:
     """Write the page of one run, or of two; RecordingError or SettingsError for an unusable recording."""
     files = [options.file, *([options.beside] if options.beside is not None else [])]
     target: Path = options.output or Path(f"{'-'.join(Path(file).stem for file in files)}.html")
-    _check(target)
     runs = [_shown(file, tag, options) for file, tag in zip(files, "AB" if len(files) > 1 else ("",), strict=True)]
     text = page(*runs)
     try:
@@ -59,8 +58,3 @@ def _truth(file: Path, summary: Path | None) -> Mapping[str, Any] | None:
     if not isinstance(found, dict):
         raise RecordingError(f"{path} is no summary of `wallride sim --json`.")
     return truth_of(found)
-
-
-def _check(target: Path) -> None:
-    if target.is_dir() or not target.absolute().parent.is_dir():
-        raise RecordingError(f"{target} cannot be written: name a file in a folder that is there.")

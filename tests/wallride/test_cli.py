@@ -74,7 +74,7 @@ def test_check_prints_what_is_in_effect():
         (["sim", "--recording", "nowhere.npz"], ["nowhere.npz"]),
         (["sim", "--recording", "config"], ["config"]),
         (["sim", "--pose", "1,2", "--headless"], ["--pose 1,2", "X,Y,THETA"]),
-        (["sim", "--pose", "100,0.0,0", "--json", "."], ["--json .", "is a directory"]),
+        (["sim", "--pose", "100,0.0,0", "--json", "."], ["--json: .", "is a directory"]),
         (["sim", "--duration", "-1"], ["--duration"]),
         (["sim", "--laps", "0"], ["--laps"]),
         (["sim", "--pose", "1e9,2,0", "--headless"], ["--pose 1e9,2,0", "no wall is within 10 m", "loop"]),

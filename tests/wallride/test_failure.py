@@ -1,8 +1,12 @@
 """An exception that nothing expected is a sentence; the details are kept."""
 
+import errno
+import os
+import subprocess
 import sys
 import threading
 import weakref
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -32,6 +36,62 @@ def test_a_sentence_and_a_file_with_the_details(monkeypatch, capsys, tmp_path):
     kept = tmp_path / "wallride" / failure.LAST_ERROR
     assert str(kept) in line
     assert "Traceback" in kept.read_text()
+
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def typed(line, folder):
+    return subprocess.run(
+        ["sh", "-c", line], cwd=folder, capture_output=True, text=True, timeout=60, check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "HOME": str(folder), "PYTHON": sys.executable, "LANG": "C"},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("command", ["check", "logs", "import --car f1tenth", "doctor --only joystick"])
+def test_a_full_disk_behind_the_output_is_a_sentence(command, tmp_path):
+    answer = typed(f"$PYTHON -m wallride {command} > /dev/full", tmp_path)
+    assert answer.returncode == 2
+    assert answer.stderr.splitlines()[-1] == (
+        "wallride: the output cannot be written: No space left on device; make room, or write it elsewhere"
+    )
+    assert "Traceback" not in answer.stderr
+
+
+def test_a_reader_that_has_seen_enough_is_no_error(tmp_path):
+    answer = typed("$PYTHON -m wallride completion bash | head -1", tmp_path)
+    assert (answer.returncode, answer.stderr) == (0, "")
+    assert len(answer.stdout.splitlines()) == 1
+
+
+@pytest.mark.parametrize("mistake", [PermissionError, FileNotFoundError, NotADirectoryError])
+def test_a_place_that_cannot_be_used_is_a_sentence(mistake, monkeypatch, capsys):
+    code = {PermissionError: errno.EACCES, FileNotFoundError: errno.ENOENT, NotADirectoryError: errno.ENOTDIR}[mistake]
+
+    def broken(_options):
+        raise mistake(code, os.strerror(code), "/there/my_law.py")
+
+    monkeypatch.setattr("wallride.service.options.add", lambda commands: _add(commands, "broken", broken))
+    assert cli.main(["broken"]) == failure.USAGE_ERROR
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == f"wallride: /there/my_law.py cannot be used: {os.strerror(code)}; name another place"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("nowhere/out", "there is no directory nowhere"), (".", "is a directory"), ("kept", "may not be written by you")],
+)
+@pytest.mark.parametrize("option", ["sim --json", "sim --plot", "lab walls --json", "report --json", "report -o"])
+def test_an_output_is_looked_at_before_the_work_and_told_in_one_line(
+    option, text, words, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "kept").write_text("kept")
+    monkeypatch.setattr("wallride.parser.os.access", lambda *_: False)
+    with pytest.raises(SystemExit, match="2"):
+        cli.main([*option.split(), text])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
 
 
 def test_where_no_file_can_be_written_the_details_are_shown(monkeypatch, capsys, tmp_path):

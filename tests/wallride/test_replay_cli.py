@@ -2,6 +2,8 @@
 
 import argparse
 import json
+import os
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from wallride import replay_options, report_options
 from wallride.runtime.recording.decision_codec import decode
 from wallride.runtime.recording.decision_log import SettingsEvent
 from wallride.runtime.recording.laws_fingerprint import laws_fingerprint
+from wallride.runtime.settings.recording import recordings_folder
 from wallride.sim.replay import reenact
 from wallride.sim.replay.drive_log import DriveLog
 
@@ -40,6 +43,24 @@ def wallride(*arguments):
 def test_the_same_is_0(drive, capsys):
     assert wallride("replay", drive) == 0
     assert capsys.readouterr().out.endswith(": identical\n")
+
+
+@pytest.mark.parametrize("command", [["replay"], ["report", "-o", "page.html"]])
+def test_without_a_file_the_newest_recording_is_taken_and_named(command, drive, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.delenv("XDG_DATA_HOME", raising=False)
+    monkeypatch.delenv("STATE_DIRECTORY", raising=False)
+    monkeypatch.chdir(tmp_path)
+    assert wallride(*command) == 2
+    assert "there is no recording on this computer yet" in capsys.readouterr().err
+    folder = recordings_folder("") / "simulated" / "sim"
+    folder.mkdir(parents=True)
+    names = ["20261126T050000Z-b0001-00001", "20261126T040000Z-b0001-00002", "20261126T060000Z-b0001-00003-stop-wall"]
+    for age, name in zip((90, 10, 0), names, strict=True):
+        (folder / f"{name}.mcap").write_bytes(drive.read_bytes())
+        os.utime(folder / f"{name}.mcap", (time.time() - age,) * 2)
+    assert wallride(*command) == 0
+    assert capsys.readouterr().err == f"the newest recording: {folder / names[1]}.mcap\n", "not a black box"
 
 
 def test_a_difference_is_1_and_named(drive, capsys):

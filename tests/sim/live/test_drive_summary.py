@@ -32,10 +32,51 @@ def printed(summary):
 def test_time_without_a_winner_is_none_on_the_screen():
     winners = {"nobody": 0.16, "navigation": 9.8}
     text = printed({"world": "loop", "winners": winners})
-    assert "none 0.16, navigation 9.8" in text
+    assert "no source 0.16 s, navigation 9.8 s" in text
     assert "nobody" not in text
     assert set(winners) == {"nobody", "navigation"}, "the keys of the JSON file stay"
-    assert "winners │ -" in printed({"world": "loop", "winners": None})
+    assert "who decided │ -" in printed({"world": "loop", "winners": None})
+
+
+def test_the_table_is_in_words_with_units_and_leaves_out_what_says_nothing():
+    record = Record(1.0, telemetry={"status": {"output": None, "recording": {"file": "a.mcap", "words": "recording"}}})
+    for step in range(300):
+        record.note(Sample(0.1 * step, min(0.1 * step, 6.0), 0.0, 0.0, 1.0 if step < 60 else 0.0, 1.02, 0.5))
+    record.sum_up(300)
+    summary = {
+        "world": "loop",
+        **drive_summary.summarize(record, Settings()),
+        "contacts": 0,
+        "changed_while_driving": 0,
+    }
+    rows = [line.strip("│ ").split("│") for line in printed(summary).splitlines() if "│" in line]
+    table = {label.strip(): words.strip() for label, words in rows}
+    assert table["drove for"] == "29.9 s"
+    assert table["stood in all"] == "23.9 s"
+    assert table["mean distance error"] == "0.02 m"
+    assert table["mean speed while moving"] == "1 m/s"
+    assert not {"contacts", "changed while it drove", "telemetry", "recording", "session"} & set(table)
+    assert not any("_" in label for label in table)
+
+
+@pytest.mark.parametrize(
+    ("recording", "words", "command", "failed"),
+    [
+        ({"file": "a.mcap", "words": "recording: armed"}, "recorded: a.mcap", "wallride report a.mcap", False),
+        (
+            {"file": "", "words": "NOT recording: less than 512 MB of the disk are free; trying again"},
+            "nothing was recorded: less than 512 MB of the disk are free", "", True,
+        ),
+        (
+            {"file": "", "words": "recording is turned off (recording.enabled)"},
+            "nothing was recorded: recording is turned off (recording.enabled)", "", False,
+        ),
+        (None, "it is not known whether the drive was recorded: wallride logs", "", False),
+    ],
+)  # fmt: skip
+def test_what_was_recorded_is_told_with_the_command_for_a_page(recording, words, command, failed):
+    assert drive_summary.recorded_words(recording) == (words, command)
+    assert drive_summary.failed_to_record(recording) is failed
 
 
 def test_errors_are_from_the_distance_that_was_wanted_at_that_moment():

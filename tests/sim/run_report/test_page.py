@@ -208,11 +208,6 @@ def test_what_is_no_summary_is_refused(path, tmp_path, content):
         )
 
 
-def test_a_place_that_cannot_be_written_is_refused_first(path, tmp_path):
-    with pytest.raises(RecordingError, match="name a file in a folder that is there"):
-        command.run(offline(path, output=tmp_path / "nowhere" / "run.html", beside=None, summary=None, json=None))
-
-
 def test_a_full_disk_is_blamed_on_the_page_and_not_on_the_recording(path):
     with pytest.raises(RecordingError, match=r"^/dev/full cannot be written: No space left"):
         command.run(offline(path, output=Path("/dev/full"), beside=None, summary=None, json=None))
