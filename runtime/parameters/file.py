@@ -41,6 +41,7 @@ def save(
     """
     path = Path(os.path.realpath(path))  # a link to the file stays a link
     text, before = _present(path, base)
+    _refuse_another_law(text, edits, expected, path, base)
     known = _unsaid(base, expected)
     content = merged(text, edits, path, known, keep=base is None)
 
@@ -88,6 +89,26 @@ def _present(path: Path, base: Path | None) -> tuple[str, tuple[int, int, int] |
         return path.read_bytes().decode(), _moment(path)
     except (OSError, UnicodeDecodeError) as error:
         raise StoreError(f"{path}: cannot be read: {_why(error)}") from None
+
+
+def _refuse_another_law(
+    text: str, edits: Mapping[str, Value | None], expected: Mapping[str, Value], path: Path, base: Path | None
+) -> None:
+    """Refuse values of a law that the file does not name, because it was selected with --set."""
+    try:
+        tree = layered(read_tree(base) if base is not None else {}, tomllib.loads(text))
+    except (SettingsError, RecursionError, ValueError):
+        return  # the merge or the check of the written file reports the error
+    for section in METHODS:
+        name, values_of = f"{section}.method", tree.get(section)
+        said = values_of.get("method") if isinstance(values_of, Mapping) else None
+        said = said if said is not None else getattr(Settings(), section).method
+        running = expected.get(name)
+        if running is not None and name not in edits and said != running:
+            raise StoreError(
+                f"{path}: its {name} is {said}, and the car drives with {running}: write"
+                f' method = "{running}" below [{section}] first, then save; nothing was saved'
+            )
 
 
 def _unsaid(base: Path | None, expected: Mapping[str, Value]) -> Mapping[str, Value]:

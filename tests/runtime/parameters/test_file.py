@@ -207,7 +207,7 @@ def test_a_full_disk_is_survived_for_real(file):
         ("wall_follow = 3\n", "not TOML"),
         ("[wall_follow]\nsped = 3\n", "sped is not a setting"),
         ("[wall_follow]\nkd = 99\n", "wall_follow.kd = 99"),
-        ("[wall_follow]\nmethod = 'report'\n", "wall_follow.method = 'report' where 'ball' is wanted"),
+        ("[wall_follow]\nmethod = 'report'\n", "wall_follow.method is report, and the car drives with ball"),
     ],
 )
 def test_a_file_that_would_not_start_the_car_as_it_is_tuned_is_left_alone(file, text, words):
@@ -389,3 +389,16 @@ def test_another_law_on_top_leaves_below_what_means_the_same(tmp_path):
     found = load_settings(base, saved=own).wall_follow
     assert (found.method, found.side) == ("report", "right")
     assert found.kp == Settings.model_validate({"wall_follow": {"method": "report"}}).wall_follow.kp
+
+
+@pytest.mark.parametrize("name", ["wall_follow.own.gain", "wall_follow.speed_mps"])
+def test_values_of_a_law_that_the_file_does_not_name_are_refused_with_the_line_to_write(name, file):
+    before = file.read_bytes()
+    with pytest.raises(StoreError) as refused:
+        save(file, {name: 2.0}, {name: 2.0, "wall_follow.method": "mine:Law"})
+    assert str(refused.value) == (
+        f"{file}: its wall_follow.method is ball, and the car drives with mine:Law:"
+        ' write method = "mine:Law" below [wall_follow] first, then save; nothing was saved'
+    )
+    assert file.read_bytes() == before
+    assert is_alone(file)

@@ -243,7 +243,7 @@ def test_a_file_that_names_another_law_than_the_one_that_was_tuned_is_left_alone
     file.write_text("[wall_follow]\nmethod = 'report'\n")
     room = Room(file)
     room.set(wall_follow__kp=0.5)
-    with pytest.raises(UnacceptableError, match=r"wall_follow.method = 'report' where 'ball' is wanted"):
+    with pytest.raises(UnacceptableError, match=r"wall_follow.method is report, and the car drives with ball"):
         room.save()
     assert file.read_text() == "[wall_follow]\nmethod = 'report'\n"
 
