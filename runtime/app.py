@@ -140,6 +140,7 @@ class Car:
         self.driving_state = DrivingStateMonitor(
             lidar, motor, self.emergency_stop, self.permit, clock, lambda: self.battery.stop
         )
+        self.driving_state.own_law = lambda: self.laws.own_law_fault
         self.driving_state.slowest_mps = settings.motor.min_speed_mps
         self.computer = around.computer
         self.own_parts = OwnPartsKeeper(

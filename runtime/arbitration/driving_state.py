@@ -70,8 +70,8 @@ CLEARED_BY: Final[Mapping[DrivingState, str]] = MappingProxyType(
         _S.DISARMED: "an operator: hold to drive, or permit autonomy (wallride teleop; Drive on the page)",
         _S.ARMED: "a speed: drive by hand (stick, keys, drive pad of the page) or permit autonomy",
         _S.DRIVING: "",
-        _S.LIMITED: "the end of the reason; nothing to do",
-        _S.STOPPED: "the end of the reason; the car then drives on while it is permitted",
+        _S.LIMITED: "nothing to do: it goes faster again once what the reason names is over",
+        _S.STOPPED: "remove what the reason names; the car then drives on by itself while it is permitted",
         _S.ESTOPPED: "release everything, then hold R or Start for 1 s (page: Drive, then Reset); then permit again",
         _S.FAULT: "remedy the fault, then reset as after an e-stop (operator.permit = always retries what the"
         " controller itself reports); an opened kill switch needs no reset; then permit again",
@@ -87,6 +87,13 @@ BATTERY_CLEARED_BY: Final = (
 
 PLANNER_CLEARED_BY: Final = "a drive from that planner, or its goodbye (start it again, and end it)"
 """What ends `stopped` while a planner has the car and asks for nothing, or was lost."""
+
+OWN_LAW_CLEARED_BY: Final = (
+    "mend the line of your law that the reason names, and start the car again; a new permit tries the law as it is"
+    " (with operator.permit = always time does)"
+)
+"""What ends a state in which a law of the user has failed."""
+OF_AN_OWN_LAW: Final = frozenset({DrivingState.STOPPED, DrivingState.DISARMED, DrivingState.ARMED})
 
 
 TOO_SLOW: Final = "the motor does not turn below motor.min_speed_mps = {:g} m/s: ask for more"
@@ -147,8 +154,8 @@ def settle(state: DrivingState, seen: Observation) -> DrivingState:
 class DrivingStateMonitor:
     """Follows the table from decision to decision.
 
-    battery: returns why the battery forbids any motion, "" while it does not. slowest_mps: below it the motor does not
-    turn.
+    battery: returns why the battery forbids any motion, "" while it does not. own_law: returns the fault of a law of
+        the user, "" without one. slowest_mps: below it the motor does not turn.
     state, reason: the present ones. measure: the number behind the reason, NaN where there is none. since_s: beginning
         of the state.
     """
@@ -167,6 +174,7 @@ class DrivingStateMonitor:
         self._permit = permit
         self._clock = clock
         self._battery = battery
+        self.own_law: Callable[[], str] = lambda: ""
         self.slowest_mps = 0.0
         self.state = DrivingState.STARTING
         self.reason = "no decision yet"
@@ -199,6 +207,8 @@ class DrivingStateMonitor:
                 return BATTERY_CLEARED_BY
             if self._winner is Source.PLANNER_HOLD:
                 return PLANNER_CLEARED_BY
+        if self.state in OF_AN_OWN_LAW and self.own_law():
+            return OWN_LAW_CLEARED_BY
         return CLEARED_BY[self.state]
 
     def _circumstances(self) -> Circumstances:

@@ -14,6 +14,7 @@ from wallride.reference.wire import wire_sections
 from wallride.runtime.arbitration.driving_state import (
     BATTERY_CLEARED_BY,
     CLEARED_BY,
+    OWN_LAW_CLEARED_BY,
     PLANNER_CLEARED_BY,
     TRANSITIONS,
     DrivingState,
@@ -252,7 +253,12 @@ def cleared_by(state: DrivingState) -> str:
     words = CLEARED_BY[state] or "-"
     if state is not DrivingState.STOPPED:
         return words
-    return f"{words}. By the battery: {BATTERY_CLEARED_BY}. By a planner: {PLANNER_CLEARED_BY}"
+    others = (
+        ("the battery", BATTERY_CLEARED_BY),
+        ("a planner", PLANNER_CLEARED_BY),
+        ("a law of yours", OWN_LAW_CLEARED_BY),
+    )
+    return f"{words}. {' '.join(f'By {what}: {ends}.' for what, ends in others)}".removesuffix(".")
 
 
 def commands_page() -> str:

@@ -12,6 +12,7 @@ from wallride.runtime.arbitration.command_queue import CommandQueue
 from wallride.runtime.arbitration.driving_state import (
     BATTERY_CLEARED_BY,
     CLEARED_BY,
+    OWN_LAW_CLEARED_BY,
     PLANNER_CLEARED_BY,
     TOO_SLOW,
     TRANSITIONS,
@@ -116,10 +117,11 @@ class Watched:
         self.lidar, self.motor = MemoryLidar(lambda _: None, self.clock), MemoryMotor(self.clock)
         queue = CommandQueue(LAB_ORDER, self.clock)
         self.e_stop, self.permit = EmergencyStop(queue), Permit(queue, "required")
-        self.battery = ""
+        self.battery = self.own_law = ""
         self.monitor = DrivingStateMonitor(
             self.lidar, self.motor, self.e_stop, self.permit, self.clock, lambda: self.battery
         )
+        self.monitor.own_law = lambda: self.own_law
 
     def after(self, output):
         self.clock.now_s += 0.02
@@ -182,6 +184,24 @@ def test_a_planner_that_holds_the_car_is_named_as_what_clears_the_stop():
     assert car.monitor.fields()["clears"] == PLANNER_CLEARED_BY
     assert car.after(output_of(0.0, reason="boxed in")) is S.STOPPED
     assert car.monitor.fields()["clears"] == CLEARED_BY[S.STOPPED]
+
+
+def test_a_law_of_the_user_that_failed_is_to_be_mended():
+    car = Watched()
+    car.permit.grant(until_s=math.inf)
+    assert car.after(output_of(1.0)) is S.DRIVING
+    car.own_law = "mine:Law raised ValueError: lost (mine.py:7)"
+    assert car.after(output_of(0.0, reason=car.own_law)) is S.STOPPED
+    assert car.monitor.fields()["clears"] == OWN_LAW_CLEARED_BY
+    car.permit.revoke(f"{car.own_law}; permit again")
+    assert car.after(output_of(0.0)) is S.DISARMED
+    assert car.monitor.fields()["clears"] == OWN_LAW_CLEARED_BY
+    car.own_law = ""
+    assert car.monitor.fields()["clears"] == CLEARED_BY[S.DISARMED]
+
+
+def test_no_state_is_cleared_by_words_about_words():
+    assert not any("end of the reason" in words for words in CLEARED_BY.values())
 
 
 def test_before_the_first_decision_it_is_starting_and_says_for_how_long():
