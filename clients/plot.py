@@ -13,8 +13,9 @@ from typing import Any
 
 from wallride.clients.connection import ConnectionProblemError, connected
 from wallride.clients.decoding import UnreadableError, decode
+from wallride.clients.refreshing import RefreshedScreen
 from wallride.clients.topics import split_topic
-from wallride.runtime.host.terminal_text import CLEAR_SCREEN, one_line
+from wallride.runtime.host.terminal_text import one_line
 from wallride.runtime.wire import topics
 
 FIELDS: Mapping[str, str] = MappingProxyType(
@@ -37,7 +38,6 @@ FIELDS: Mapping[str, str] = MappingProxyType(
 REFRESH_S = 0.25
 MAX_POINTS = 4000
 MIN_ROWS = 7
-HOME = "\x1b[H"
 
 
 @dataclass(slots=True)
@@ -132,9 +132,9 @@ async def run(options: argparse.Namespace) -> int:
             await asyncio.sleep(options.seconds)
             options.print_line(_screen(curves, options.seconds))
             return 0
-        options.print_line(CLEAR_SCREEN, end="")
+        shown = RefreshedScreen(options.print_line)
         while True:
-            options.print_line(HOME + _screen(curves, options.seconds), end="")
+            shown.show(_screen(curves, options.seconds), "; ".join(curve.title for curve in curves))
             await asyncio.sleep(REFRESH_S)
 
 

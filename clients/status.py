@@ -10,7 +10,8 @@ from typing import Any
 from wallride.clients.answers import reading
 from wallride.clients.connection import ConnectionProblemError, connected
 from wallride.clients.played import NOTHING_DRIVES, PlayedNames
-from wallride.runtime.host.terminal_text import CLEAR_SCREEN, one_line
+from wallride.clients.refreshing import RefreshedScreen
+from wallride.runtime.host.terminal_text import one_line
 from wallride.runtime.telemetry.screen_words import because, steering_words
 from wallride.runtime.teleop.status import OperatorState
 from wallride.runtime.wire import topics
@@ -35,6 +36,7 @@ async def run(options: argparse.Namespace) -> int:
                 lines = [*told_played(car, played), *screen(status)]
                 options.print_line(json.dumps(status, indent=2) if options.json else "\n".join(lines))
             return 0
+        shown = RefreshedScreen(options.print_line)
         while True:
             silent_s = time.monotonic() - ear.heard_s
             if options.json:
@@ -42,7 +44,7 @@ async def run(options: argparse.Namespace) -> int:
             else:
                 with reading(car, "status"):
                     lines = [*told_played(car, played), *screen(ear.newest, silent_s)]
-                    options.print_line(CLEAR_SCREEN + "\n".join(lines))
+                    shown.show("\n".join(lines), lines[0])
             await asyncio.sleep(REFRESH_S)
 
 

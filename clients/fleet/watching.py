@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from wallride.clients.fleet.links import FleetLink
 from wallride.clients.fleet.stop import PERIOD_S, FleetStop
+from wallride.clients.refreshing import RefreshedScreen
 from wallride.clients.teleop import terminal
-from wallride.runtime.host.terminal_text import CLEAR_SCREEN, one_line
+from wallride.runtime.host.terminal_text import one_line
 
 REFRESH_S = 0.2
 STOP_KEYS = b" \x1b"
@@ -27,7 +28,7 @@ async def watch(
     console = terminal.Console() if terminal.is_there() else None
     if console is not None:
         console.open()
-    shown_s, pressed = 0.0, False
+    shown, shown_s, pressed = RefreshedScreen(options.print_line), 0.0, False
     try:
         while True:
             now_s = time.monotonic()
@@ -41,7 +42,8 @@ async def watch(
             if now_s - shown_s >= REFRESH_S:
                 shown_s = now_s
                 foot = _foot(links, stop if pressed else None, others)
-                options.print_line(CLEAR_SCREEN + "\n".join(map(one_line, [*lines(), *foot])))
+                rows = list(map(one_line, lines()))
+                shown.show("\n".join([*rows, *map(one_line, foot)]), "; ".join(rows))
             await asyncio.sleep(PERIOD_S)
     finally:
         if console is not None:

@@ -43,6 +43,7 @@ MIN_SPAN_M = 1.0
 NICE_STEPS = (1.0, 2.0, 5.0)
 TO_COPY = frozenset({"browser", "port", "terminal"})
 """Labels of rows that have the whole width: a line that is broken is copied wrongly."""
+TO_COPY_CHARS = max(map(len, TO_COPY))
 STATUS_WIDTH = 46
 SEGMENT_COLUMNS = 4
 
@@ -161,21 +162,33 @@ def world_size(width: int, height: int, rows: Sequence[tuple[str, str]]) -> tupl
     A wide terminal has the status on the right and what is to be copied below, a narrow one all of it below; never
     negative.
     """
+    below = sum(math.ceil(line.cell_len / max(width, 1)) for line in copied(rows, width))
     if _is_wide(width):
-        return max(0, width - STATUS_WIDTH), max(0, height - sum(label in TO_COPY for label, _ in rows))
-    return max(0, width), max(0, height - len(rows))
+        return max(0, width - STATUS_WIDTH), max(0, height - below)
+    return max(0, width), max(0, height - below - sum(label not in TO_COPY for label, _ in rows))
+
+
+def copied(rows: Sequence[tuple[str, str]], width: int) -> list[Text]:
+    """Return what is to be copied, a line each; the label goes where it would break the line."""
+    lines = []
+    for label, text in rows:
+        if label in TO_COPY:
+            named = f"{label:<{TO_COPY_CHARS}}  {text}"
+            lines.append(Text(named if len(named) <= width else text))
+    return lines
 
 
 def page(world: Text, rows: list[tuple[str, str]], width: int) -> RenderableType:
     """Return the world and the status as one page for a terminal of that width (`world_size` tells the room)."""
+    status = status_table([row for row in rows if row[0] not in TO_COPY])
+    below = copied(rows, width)
     if not _is_wide(width):
-        return Group(world, status_table(rows))
+        return Group(world, status, *below)
     side_by_side = Table.grid(padding=0)
     side_by_side.add_column(width=width - STATUS_WIDTH, no_wrap=True)
     side_by_side.add_column(width=STATUS_WIDTH)
-    side_by_side.add_row(world, status_table([row for row in rows if row[0] not in TO_COPY]))
-    below = [row for row in rows if row[0] in TO_COPY]
-    return Group(side_by_side, status_table(below)) if below else side_by_side
+    side_by_side.add_row(world, status)
+    return Group(side_by_side, *below)
 
 
 def _is_wide(width: int) -> bool:

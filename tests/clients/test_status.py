@@ -123,7 +123,8 @@ async def test_the_status_of_a_car_is_shown_and_given_as_json():
         assert json.loads(said[0])["gates"]["safety"] == ""
 
 
-async def test_watching_goes_on_until_it_is_stopped():
+async def test_watching_goes_on_until_it_is_stopped(monkeypatch):
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
     async with speaking_car() as car:
         parsed, said = options(car, "status", "--watch")
         watching = asyncio.create_task(status.run(parsed))

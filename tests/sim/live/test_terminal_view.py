@@ -268,7 +268,7 @@ def test_a_frame_costs_less_than_five_milliseconds() -> None:
     assert min(costs_s) < 0.005
 
 
-@pytest.mark.parametrize("width", [80, 100, 120, 200])
+@pytest.mark.parametrize("width", [48, 55, 60, 80, 100, 120, 200])
 def test_what_is_copied_is_never_broken(width):
     address = "http://127.0.0.1:8447/?token=oZl3Lhy-6msw863E"
     rows = [*status_rows(STATUS), ("browser", address)]
