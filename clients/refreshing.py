@@ -5,7 +5,6 @@ import sys
 import time
 from collections.abc import Callable
 
-from wallride.drivers.api import Clock
 from wallride.runtime.host.terminal_text import CLEAR_SCREEN
 
 LINE_EVERY_S = 1.0
@@ -15,7 +14,7 @@ class RefreshedScreen:
     """print_line: as of a command's options. is_terminal: None for what standard output is."""
 
     def __init__(
-        self, print_line: Callable[[str], object], *, is_terminal: bool | None = None, clock: Clock = time.monotonic
+        self, print_line: Callable[[str], object], *, is_terminal: bool | None = None, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._print_line = print_line
         self._is_terminal = sys.stdout.isatty() if is_terminal is None else is_terminal
