@@ -14,7 +14,11 @@ class RefreshedScreen:
     """print_line: as of a command's options. is_terminal: None for what standard output is."""
 
     def __init__(
-        self, print_line: Callable[[str], object], *, is_terminal: bool | None = None, clock: Callable[[], float] = time.monotonic
+        self,
+        print_line: Callable[[str], object],
+        *,
+        is_terminal: bool | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._print_line = print_line
         self._is_terminal = sys.stdout.isatty() if is_terminal is None else is_terminal
