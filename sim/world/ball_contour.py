@@ -34,6 +34,8 @@ _MIN_RING_M = 5.86
 _NEARBY_M, _SAME_WAY_COS = 0.5, 0.7
 """Maximum distance [m] and minimum cosine between the directions of two balls' paths that count as parallel
 neighbours."""
+RING_WITHIN_M = 1.5
+"""Maximum distance of a place from the closed path that passes it."""
 _RIGHT_TURN, _STRAIGHT_ON, _LEFT_TURN = -1, 0, 1
 
 
@@ -76,6 +78,22 @@ def led_on(here: Places, nearer: Places, cell_m: float) -> Places:
     onward_m = np.array([_onward_m(here.cell[end], here.heading[end], nearer, cell_m) for end in ends])
     way_m = np.where(here.end < 0, here.way_m, here.way_m + onward_m[which])
     return replace(here, way_m=np.minimum(np.round(way_m, 1), ENDLESS_M))
+
+
+def ring_along(away_m: Floats, cell_m: float, ball_m: float, side: Side, near_m: Floats) -> Floats | None:
+    """Return the closed path, in the direction of driving, of a ball that passes `near_m`, shape (n, 2) [m].
+
+    The first point is the nearest one. None where no path comes within RING_WITHIN_M, or where a car cannot drive it
+    round: it ends in a turn on the spot.
+    """
+    best, best_m = None, RING_WITHIN_M
+    for middle, _ in _borders(away_m >= ball_m):
+        driven = middle[:: -1 if side == "left" else 1]
+        far_m = _length(driven * cell_m - near_m)
+        nearest = int(np.argmin(far_m))
+        if far_m[nearest] < best_m and (_driven(driven, cell_m)[2] < 0).all():
+            best, best_m = np.roll(driven, -nearest, axis=0) * cell_m, float(far_m[nearest])
+    return best
 
 
 def _onward_m(cell: Cells, heading: Floats, nearer: Places, cell_m: float) -> float:

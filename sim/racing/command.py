@@ -1,0 +1,107 @@
+"""`wallride line`: the race line of a map, with its lap time, as a file and a picture."""
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.settings.tree import load_settings
+from wallride.sim.racing.free_space import FreeSpace
+from wallride.sim.racing.line_file import save_picture, text_of
+from wallride.sim.racing.raceline import NoLineError, RaceLine, race_line
+from wallride.sim.racing.ring import read_path, ring_of, ring_of_path
+from wallride.sim.racing.speed_profile import Grip
+from wallride.sim.world.place import World
+from wallride.sim.world.worlds import is_map, load_world
+
+NARROWER_M: Final = 0.03
+"""A line may be this much nearer to a wall than asked before that is said: the points of its bounds are 3 cm apart."""
+SPARE_M: Final = 0.05
+"""Smallest distance between the car's side and a wall that counts as room for the car."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the line; ValueError, SettingsError and OSError for what the user can correct."""
+    world = load_world(Path(options.map) if is_map(options.map) else options.map, side=options.side)
+    car = load_settings(options.config, options.assignments).car
+    if options.keep_m < (least_m := car.half_width_m + SPARE_M):
+        raise NoLineError(f"--keep {options.keep_m:g} m is less than the car needs beside its middle: {least_m:.2f} m")
+    line = line_of(world, options, car)
+    stem = f"{Path(options.map).stem if is_map(options.map) else world.name.replace(':', '-')}.line"
+    target: Path = options.output or Path(f"{stem}.csv")
+    about = (
+        f"race line by wallride: {world.name}, {_course(options, world)}, mu {options.mu:g}, at least"
+        f" {options.keep_m:g} m from walls, at most {options.speed_mps:g} m/s"
+    )
+    target.write_text(text_of(line, about), encoding="utf-8")
+    picture = target.with_suffix(".png")
+    save_picture(picture, world.outline_m, line, f"{world.name}: {line.length_m:.1f} m, {line.lap_s:.2f} s")
+    if options.json == "-":
+        print(json.dumps(figures(line)))  # noqa: T201 - this is the command's answer
+        return 0
+    if options.json is not None:
+        Path(options.json).write_text(json.dumps(figures(line)) + "\n", encoding="utf-8")
+    for text in (*summary(line, options.keep_m, world.name), f"written: {target}, {picture}"):
+        print(text)  # noqa: T201
+    return 0
+
+
+def line_of(world: World, options: argparse.Namespace, car: CarSettings) -> RaceLine:
+    """Return the line of a world under the options of the command.
+
+    Raises: NoRingError, NoLineError; OSError for the file of a path.
+    """
+    ring_m = ring_of(world) if options.path is None else ring_of_path(read_path(options.path), what=str(options.path))
+    if options.reverse:
+        ring_m = ring_m[::-1]
+    grip = Grip(
+        options.mu, options.lateral_share, options.brake_share, options.speed_mps, drive_mps2=car.max_acceleration_mps2
+    )
+    radius_m = car.wheelbase_m / float(np.tan(car.max_steering_rad))
+    line = race_line(ring_m, FreeSpace(world.outline_m, options.avoid), grip, keep_m=options.keep_m, radius_m=radius_m)
+    nearest = int(np.argmin(line.away_m))
+    if line.away_m[nearest] < car.half_width_m + SPARE_M:
+        place = _place(line, nearest)
+        raise NoLineError(
+            f"there is no room for the car at {place}: {line.away_m[nearest]:.2f} m from its middle to the wall"
+        )
+    return line
+
+
+def figures(line: RaceLine) -> dict[str, float]:
+    """Return the figures of a line by name."""
+    return {
+        "length_m": round(line.length_m, 3),
+        "lap_s": round(line.lap_s, 3),
+        "nearest_wall_m": round(float(line.away_m.min()), 3),
+        "tightest_turn_m": round(1.0 / float(np.abs(line.curvature_radpm).max()), 3),
+        "slowest_mps": round(float(line.speed_mps.min()), 3),
+        "fastest_mps": round(float(line.speed_mps.max()), 3),
+    }
+
+
+def summary(line: RaceLine, keep_m: float, name: str) -> Sequence[str]:
+    """Return the figures in sentences."""
+    found, nearest = figures(line), int(np.argmin(line.away_m))
+    speeds = f"{found['slowest_mps']:.1f} to {found['fastest_mps']:.1f} m/s"
+    wall = f"{found['nearest_wall_m']:.2f} m from the middle of the car, at {_place(line, nearest)}"
+    lines = [
+        f"{name}: a line of {found['length_m']:.1f} m, {found['lap_s']:.2f} s a lap in theory, {speeds}",
+        f"tightest turn {found['tightest_turn_m']:.2f} m; nearest wall {wall}",
+    ]
+    if found["nearest_wall_m"] < keep_m - NARROWER_M:
+        lines.append(f"that is nearer than the {keep_m:g} m asked for: the course has no more room there")
+    return lines
+
+
+def _place(line: RaceLine, index: int) -> str:
+    return f"x {line.x_m[index]:.1f} m, y {line.y_m[index]:.1f} m"
+
+
+def _course(options: argparse.Namespace, world: World) -> str:
+    course = f"wall on the {world.side}" if options.path is None else f"along {options.path.name}"
+    return f"{course}, reversed" if options.reverse else course

@@ -1,0 +1,67 @@
+"""`wallride line` from the command line: its files, its figures, its errors."""
+
+import json
+
+import numpy as np
+import pytest
+
+from wallride import cli
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_file_is_one_that_programs_of_the_field_read(here, capsys):
+    assert cli.main(["line", "loop"]) == 0
+    said = capsys.readouterr().out
+    assert "a line of 28." in said
+    assert "s a lap in theory" in said
+    rows = np.loadtxt(here / "loop.line.csv", delimiter=";", skiprows=3)
+    along_m, x_m, y_m, yaw_rad = rows[:, :4].T
+    steps_m = np.hypot(np.roll(x_m, -1) - x_m, np.roll(y_m, -1) - y_m)
+    assert along_m[1:] == pytest.approx(np.cumsum(steps_m)[:-1], abs=0.01)
+    turned = np.arctan2(np.roll(y_m, -1) - y_m, np.roll(x_m, -1) - x_m) - yaw_rad
+    assert np.abs(np.angle(np.exp(1j * turned))).max() < 0.05
+    assert 0.0 < rows[:, 5].min() <= rows[:, 5].max() <= 6.0
+    assert (here / "loop.line.png").stat().st_size > 10_000
+
+
+def test_a_line_is_a_path_for_another_line_the_other_way_round(here, capsys):
+    assert cli.main(["line", "loop", "-o", "there.csv", "--json", "there.json"]) == 0
+    assert cli.main(["line", "loop", "--path", "there.csv", "--reverse", "-o", "back.csv", "--json", "-"]) == 0
+    back = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert back["lap_s"] == pytest.approx(json.loads((here / "there.json").read_text())["lap_s"], rel=0.05)
+    yaw_rad = [np.loadtxt(here / name, delimiter=";")[:, 3] for name in ("there.csv", "back.csv")]
+    assert np.sign([np.unwrap(yaw)[-1] - yaw[0] for yaw in yaw_rad]).tolist() in ([1, -1], [-1, 1])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nowhere"], "no world is called 'nowhere'"),
+        (["none.yaml"], "no map file none.yaml"),
+        (["straight"], "does not close on itself"),
+        (["loop", "--keep", "0.1"], "--keep 0.1 m is less than the car needs"),
+        (["loop", "--path", "none.csv"], "none.csv: No such file or directory"),
+        (["loop", "-o", "none/line.csv"], "none/line.csv: No such file or directory"),
+        (["loop", "--set", "car.max_steering_rad=0.06"], "and the car needs 5.49 m"),
+        (["loop", "--set", "car.wheels=3"], "wheels"),
+        (["loop", "--avoid=3,0,9"], "no room for the car"),
+    ],
+)
+def test_a_mistake_is_one_sentence(arguments, said, capsys):
+    assert cli.main(["line", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert "Traceback" not in error
+
+
+@pytest.mark.parametrize("option", [["--mu", "0"], ["--brake", "1.5"], ["--avoid", "1,2"], ["--speed", "nan"]])
+def test_impossible_numbers_are_refused(option, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(["line", "loop", *option])
+    assert option[0] in capsys.readouterr().err

@@ -1,0 +1,92 @@
+"""Options of `wallride line`. The code is imported when the command runs."""
+
+import argparse
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from wallride.failure import fail, needs
+from wallride.parser import add_config, add_json, add_set, default_config
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
+
+
+def add(commands: "Commands") -> None:
+    """Add the command."""
+    line = commands.add_parser(
+        "line",
+        help="compute the race line of a map, with its lap time",
+        description="Computes the line of least curvature round a map, its speeds and its lap time, and writes it as"
+        " a file for programs of the field (s, x, y, yaw, curvature, speed) and a picture. The defaults leave a reserve"
+        " of grip and distance for what drives the line.",
+    )
+    line.add_argument("map", metavar="MAP", help="a ROS map's .yaml file, a built-in world, or track:seed=N")
+    line.add_argument(
+        "-o", dest="output", type=Path, metavar="LINE.csv", help="file to write (default: MAP.line.csv here)"
+    )
+    line.add_argument("--side", choices=("left", "right"), help="which wall leads round the map (default: left)")
+    line.add_argument(
+        "--path", type=Path, metavar="FILE",
+        help="the way round instead: a text file with x and y, as driven or drawn, such as a centre line",
+    )  # fmt: skip
+    line.add_argument("--reverse", action="store_true", help="the other way round")
+    line.add_argument("--mu", type=_above_zero, default=0.8, metavar="MU", help="friction of the floor (default: 0.8)")
+    line.add_argument(
+        "--keep", dest="keep_m", type=_above_zero, default=0.45, metavar="M",
+        help="distance from walls to the middle of the car (default: 0.45)",
+    )  # fmt: skip
+    line.add_argument(
+        "--speed", dest="speed_mps", type=_above_zero, default=6.0, metavar="MPS", help="highest speed (default: 6)"
+    )
+    line.add_argument(
+        "--lateral", dest="lateral_share", type=_share, default=0.6, metavar="SHARE",
+        help="share of the grip that bends may use (default: 0.6)",
+    )  # fmt: skip
+    line.add_argument(
+        "--brake", dest="brake_share", type=_share, default=0.45, metavar="SHARE",
+        help="share of the grip that braking may use (default: 0.45; at most 4.6 m/s2, as the VESC's ramp)",
+    )  # fmt: skip
+    line.add_argument(
+        "--avoid", type=_circle, action="append", default=[], metavar="X,Y,RADIUS",
+        help="a round place to keep away from, in metres on the map; --avoid=-1,2,0.3 where X is negative (repeatable)",
+    )  # fmt: skip
+    add_config(line, "settings file with the car's size and steering", positional=False)
+    add_set(line)
+    add_json(line, "the figures")
+    line.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Compute and write; exit code 2 with one line for an error that the user can correct."""
+    with needs("sim", "lines need"):
+        from wallride.runtime.settings.tree import SettingsError
+        from wallride.sim.racing import command
+    options.config = options.config or default_config()
+    try:
+        return command.run(options)
+    except OSError as error:
+        return fail(f"{error.filename or options.map}: {error.strerror or error}")
+    except (SettingsError, ValueError) as error:
+        return fail(str(error))
+
+
+def _above_zero(text: str) -> float:
+    number = float(text)
+    if not (math.isfinite(number) and number > 0.0):
+        raise argparse.ArgumentTypeError("write a number above 0")
+    return number
+
+
+def _share(text: str) -> float:
+    number = float(text)
+    if not 0.0 < number <= 1.0:
+        raise argparse.ArgumentTypeError("write a share from 0 to 1")
+    return number
+
+
+def _circle(text: str) -> tuple[float, float, float]:
+    numbers = tuple(float(part) for part in text.split(","))
+    if len(numbers) != 3 or not all(map(math.isfinite, numbers)) or numbers[2] < 0.0:
+        raise argparse.ArgumentTypeError("write three numbers, X,Y,RADIUS")
+    return numbers
