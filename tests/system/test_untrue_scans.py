@@ -9,7 +9,9 @@ import pytest
 
 from wallride.runtime.control.live_laws import LiveLaws
 from wallride.runtime.control.perception import scene_agreement
+from wallride.runtime.control.perception.plausibility import BACKWARDS, HELD_OR_TURNED, TURNED, WRONG_SCALE
 from wallride.runtime.settings.tree import load_settings
+from wallride.sim.car.vehicle_settings import VehicleSettings
 from wallride.sim.virtual.closed_loop import Case, drive
 from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.worlds import load_world
@@ -84,3 +86,34 @@ def test_a_lidar_that_stops_telling_the_truth_is_named_and_the_car_stands_within
 def test_a_lidar_that_tells_the_truth_is_never_doubted(world, speed_mps):
     done, _ = tell("noisy", world, f"wall_follow.speed_mps={speed_mps}", from_s=math.inf)
     assert not NAMED & set(done.reasons)
+
+
+@pytest.mark.parametrize("world", ["dead_end", "loop", "cluttered", "corridor", "doorway", "curved"])
+@pytest.mark.parametrize("yaw_deg", [90.0, -90.0, 60.0])
+@pytest.mark.parametrize("is_configured", [True, False])
+def test_a_lidar_turned_on_the_car_or_in_the_settings_stops_it_for_good_before_a_contact(world, yaw_deg, is_configured):
+    """The bare corridor tells it last: there the car steers in a circle, and walls of one direction are all it sees."""
+    settings = load_settings(None, ["wall_follow.speed_mps=1.0"])
+    laws = LiveLaws(settings.wall_follow, settings.safety, settings.car)
+    yaw_rad = math.radians(yaw_deg)
+    lidar = LidarSettings() if is_configured else LidarSettings().model_copy(update={"mount_yaw_rad": yaw_rad})
+    case = Case(load_world(world), duration_s=8.0, seed=5, lidar=lidar, lidar_yaw_rad=yaw_rad if is_configured else 0.0)
+    done = drive(case, laws, laws)
+    assert done.contact is None
+    assert done.reasons[-1] in {TURNED, HELD_OR_TURNED}
+    assert done.distance_m < (0.95 if world in {"corridor", "curved", "doorway"} else 0.5)
+
+
+@pytest.mark.parametrize(
+    ("world", "speed_mps", "noise_m", "seed"), [("straight", 3.0, 0.01, 118435), ("doorway", 4.0, 0.02, 240712)]
+)
+def test_wheels_that_lock_on_a_slippery_floor_are_no_doubt(world, speed_mps, noise_m, seed):
+    settings = load_settings(None, [f"wall_follow.speed_mps={speed_mps}", "car.max_speed_mps=4.0"])
+    laws = LiveLaws(settings.wall_follow, settings.safety, settings.car)
+    case = Case(
+        load_world(world, seed=seed), duration_s=6.0, seed=seed, lidar=LidarSettings(noise_std_m=noise_m),
+        vehicle=VehicleSettings(grip_mu=0.5), car=settings.car,
+    )  # fmt: skip
+    done = drive(case, laws, laws)
+    assert not {BACKWARDS, WRONG_SCALE, TURNED, HELD_OR_TURNED} & set(done.reasons)
+    assert done.contact is None

@@ -3,9 +3,9 @@
 Four checks of each pair of scan and motor report, independent of laws and devices:
 
 * Does the lidar measure? A scan repeated bit for bit while the wheels turned 0.3 m is a stored one, not a measurement.
-* Does the car move as its wheels say? Over the first 0.3 m, and again after every lost link, the scan's own motion is
-  compared with the odometry (`scan_shift`). Opposite directions: two phases of the motor are swapped, and the
-  controller cannot know. Another scale: the gain is wrong.
+* Does the car move as its wheels say? Over the first 0.3 m, and again after every lost link, the scene's motion is
+  compared with the odometry's (`motion_agreement`). Opposite directions: two phases of the motor are swapped, and the
+  controller cannot know. Sideways: the lidar is turned on the car. Another scale: the gain is wrong.
 * Does the scene go on moving as the wheels say? Along the whole drive, see `scene_agreement`.
 * Does it move at all? Wheels in the air turn without moving the car. That is no fault, but such odometry cannot be used
   to back out.
@@ -14,35 +14,28 @@ Pure and deterministic; slow computations run in `learn`, after the answer is se
 """
 
 import math
-from dataclasses import dataclass
 
 from wallride.drivers.api import MotorState, Scan
-from wallride.runtime.control.perception.odometry import Odometry, OdometryState
-from wallride.runtime.control.perception.scan_shift import Agreement, compare_shift
+from wallride.runtime.control.perception.motion_agreement import Agreement, MotionAgreement
+from wallride.runtime.control.perception.odometry import Odometry
 from wallride.runtime.control.perception.scene_agreement import SceneAgreement
 from wallride.runtime.control.vehicle import CarSettings
 
 FROZEN_AFTER_M = 0.3
-CHECKED_OVER_M = 0.3
-CHECK_WITHIN_S = 5.0
-"""Maximum duration of one check; a slower start is measured anew, because the surroundings change."""
-WITNESSES = 2
-"""Minimum number of consecutive scans that must contradict the odometry."""
+LOST_AFTER_S = 1.0
+"""Minimum gap between scans after which the lidar may have been mounted in another way."""
 STANDS_FOR_S = 1.0
 STANDING_MPS = 0.05
 FROZEN = "the lidar repeats one scan: power-cycle it, check its cable"
-BACKWARDS = "runs backwards: swap two phases of the motor"
+BACKWARDS = "runs backwards: swap two phases of the motor (or is the lidar turned by 180 degrees?)"
+TURNED = "the scene moves sideways: the lidar is turned on the car; mount it straight (lidar.yaw_rad), start again"
+HELD_OR_TURNED = "the wheels turn and what is ahead stands: free the wheels, mount the lidar straight, start again"
 WHEELS_IN_THE_AIR = "the wheels turn and the scan stands (wheels in the air?): it does not back out"
 WRONG_SCALE = "the wheels' way is not the scan's: check motor.speed_to_erpm_gain and the lidar's mounting"
 
 
-@dataclass(frozen=True, slots=True)
-class _Start:
-    """Start of the distance being checked."""
-
-    scan: Scan
-    distance_m: float
-    pose: OdometryState
+_TURNED = {Agreement.ASIDE: TURNED, Agreement.HELD_OR_ASIDE: HELD_OR_TURNED}
+_CONTRADICTIONS = {Agreement.OPPOSITE: BACKWARDS, Agreement.FARTHER: WRONG_SCALE}
 
 
 class Plausibility:
@@ -53,25 +46,24 @@ class Plausibility:
     """
 
     def __init__(self, car: CarSettings) -> None:
-        self._car = car
         self._odometry = Odometry(car.wheelbase_m)
         self._samples = b""
         self._changed_at_m: float | None = None
         self._unlearnt: tuple[Scan, MotorState | None, bool] | None = None
         self._is_compared = False  # of the unlearnt scan's samples
         self._stood_since_s: float | None = None
-        self._witnesses = 0
         self._confirmed = False
-        self._start: _Start | None = None
+        self._motion = MotionAgreement(car.lidar_m)
         self._scene = SceneAgreement(car.lidar_m)
-        self._frozen = ""
+        self._frozen = self._turned = ""
+        self._learnt_s = math.inf
         self.motor_doubt = ""
         self.believed = True
 
     @property
     def lidar_doubt(self) -> str:
         """Reason why the lidar must not be believed, "" while it may be."""
-        return self._frozen or self._scene.doubt
+        return self._frozen or self._turned or self._scene.doubt
 
     @property
     def doubt(self) -> str:
@@ -115,6 +107,9 @@ class Plausibility:
         if not odometry_check:
             return
         pose = self._odometry.update(motor)
+        if scan.stamp_s - self._learnt_s > LOST_AFTER_S:
+            self._begin_anew()
+        self._learnt_s = scan.stamp_s
         if motor is None:  # after the link returns, the motor may be wired differently
             self.motor_doubt, self.believed = "", True
             self._begin_anew()
@@ -123,11 +118,12 @@ class Plausibility:
         self._scene.learn(scan, self._samples, pose, motor.distance_m)
         if self.motor_doubt:
             self._await_standstill(scan, motor)
-        elif not self._confirmed:
-            self._check(scan, motor, pose)
+        elif not (self._confirmed or self._turned):
+            self._conclude(self._motion.learn(scan, motor, pose))
 
     def _begin_anew(self) -> None:
-        self._confirmed, self._start, self._witnesses = False, None, 0
+        self._confirmed, self._turned = False, ""
+        self._motion.forget()
 
     def _await_standstill(self, scan: Scan, motor: MotorState) -> None:
         """End the doubt where the car has stood for a while: a latch has taken effect, and the next metres decide."""
@@ -137,33 +133,14 @@ class Plausibility:
             self._stood_since_s, self.motor_doubt = None, ""
             self._begin_anew()
 
-    def _check(self, scan: Scan, motor: MotorState, pose: OdometryState) -> None:
-        start = self._start
-        stands = abs(motor.speed_mps) <= STANDING_MPS
-        if start is None or stands or scan.stamp_s - start.scan.stamp_s > CHECK_WITHIN_S:
-            self._start = _Start(scan, motor.distance_m, pose)
-        elif abs(motor.distance_m - start.distance_m) >= CHECKED_OVER_M + 0.1 * self._witnesses:
-            self._conclude(compare_shift(start.scan, scan, _moved(start.pose, pose), self._car.lidar_m))
-
     def _conclude(self, found: Agreement) -> None:
         match found:
             case Agreement.AGREES:
                 self._confirmed = self.believed = True
             case Agreement.STANDS:
-                self.believed, self._start = False, None
-            case Agreement.UNKNOWN:
-                self._start = None
-            case _:
-                self._witnesses += 1
-                if self._witnesses < WITNESSES:
-                    return
-                self.motor_doubt = BACKWARDS if found is Agreement.OPPOSITE else WRONG_SCALE
                 self.believed = False
-        self._witnesses = 0
-
-
-def _moved(start: OdometryState, end: OdometryState) -> tuple[float, float, float]:
-    """Return the shift x_m, y_m, yaw_rad of base_link from one pose to another, in the frame of the first."""
-    dx, dy = end.x_m - start.x_m, end.y_m - start.y_m
-    cos, sin = math.cos(start.yaw_rad), math.sin(start.yaw_rad)
-    return cos * dx + sin * dy, cos * dy - sin * dx, math.remainder(end.yaw_rad - start.yaw_rad, math.tau)
+                self._motion.forget()
+            case Agreement.ASIDE | Agreement.HELD_OR_ASIDE:
+                self._turned, self.believed = _TURNED[found], False
+            case Agreement.OPPOSITE | Agreement.FARTHER:
+                self.motor_doubt, self.believed = _CONTRADICTIONS[found], False

@@ -1,4 +1,4 @@
-"""Scan matching over multiples of an assumed shift: forward as assumed, backward, none, or farther.
+"""Scan matching over multiples of an assumed shift.
 
 A search over a few dozen shifts instead of an iteration, because the question is which of several far answers is right,
 and an iteration that begins at one of them stays there. A point of the later scan, shifted, is compared with the range
@@ -7,7 +7,6 @@ for "stands": only what is before the shoulders counts. About 0.5 ms; not for th
 """
 
 import math
-from enum import Enum
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from wallride.runtime.control.perception.geometry import Floats, points_m, secto
 Shift = tuple[float, float, float]
 """Shift x_m, y_m, yaw_rad of base_link, in its earlier frame."""
 
-SHARES = np.array([-1.5, -1.25, -1.0, -0.75, -0.5, 0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 3.5])
-TURNS_RAD = np.radians([-12.0, -9.0, -6.0, -3.0, 0.0, 3.0, 6.0, 9.0, 12.0])
-"""Added to the supposed heading: trim, slip and a servo that lags."""
 BEFORE_RAD = math.radians(95)
 MIN_RANGE_M, MAX_RANGE_M = 0.15, 10.0
 POINTS = 150
@@ -29,49 +25,15 @@ CAP_M = 0.1
 TELLS_M, ENOUGH_TELL = 0.05, 12
 """Minimum difference, and minimum number, of informative points: a point on a wall parallel to the motion fits at any
 shift."""
-CLEARER_M, CLEARER_SHARE = 0.01, 1.2
-"""Minimum difference and ratio by which every other answer must fit worse."""
-
-
-class Agreement(Enum):
-    """How the scans' shift compares with the supposed one."""
-
-    AGREES = "agrees"
-    STANDS = "stands"
-    OPPOSITE = "opposite"
-    FARTHER = "farther"
-    UNKNOWN = "unknown"
-
-
-_ANSWERS = {
-    Agreement.OPPOSITE: SHARES < 0,
-    Agreement.STANDS: (SHARES >= 0) & (SHARES < 0.5),
-    Agreement.AGREES: (SHARES >= 0.5) & (SHARES <= 2.0),
-    Agreement.FARTHER: SHARES > 2.0,
-}
-
-
-def compare_shift(before: Scan, after: Scan, moved: Shift, lidar_m: complex) -> Agreement:
-    """Return which answer fits clearly better than all others; UNKNOWN without one, as in a bare corridor.
-
-    moved: base_link's shift between the scans as supposed. Both scans of one sensor, else UNKNOWN.
-    """
-    misfit_m = misfits_m(before, after, moved, lidar_m)
-    if misfit_m is None:
-        return Agreement.UNKNOWN
-    of = {answer: float(misfit_m[which].min()) for answer, which in _ANSWERS.items()}
-    best = min(of, key=lambda answer: of[answer])
-    limit_m = CLEARER_SHARE * of[best] + CLEARER_M
-    clear = all(rival_m > limit_m for answer, rival_m in of.items() if answer is not best)
-    return best if clear else Agreement.UNKNOWN
 
 
 def misfits_m(
-    before: Scan, after: Scan, moved: Shift, lidar_m: complex, shares: Floats = SHARES, turns_rad: Floats = TURNS_RAD
+    before: Scan, after: Scan, moved: Shift, lidar_m: complex, shares: Floats, turns_rad: Floats
 ) -> Floats | None:
     """Return the mean distance between the scans at each of the shares, (shares,), at the best turn.
 
-    None where too few points are seen, or the scans are not of one kind.
+    moved: base_link's shift between the scans as supposed. turns_rad: added to the supposed heading: slip, a servo that
+    lags. None where too few points are seen, or the scans are not of one kind.
     """
     beams = before.ranges_m.shape[0]
     if after.ranges_m.shape[0] != beams or after.angle_min_rad != before.angle_min_rad:

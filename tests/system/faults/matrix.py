@@ -109,6 +109,10 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(LIDAR, "shows old scans, or a blank where walls were", "named, brake within half a metre", PERMIT,
           "tests/system/test_untrue_scans.py::"
           "test_a_lidar_that_stops_telling_the_truth_is_named_and_the_car_stands_within_half_a_metre"),
+    Fault(LIDAR, "turned on the car, or lidar.yaw_rad wrong, by 40 degrees or more",
+          "named, stands within half a metre; a metre where all walls are parallel",
+          "remedy, power-cycle the lidar or start again", "tests/system/test_untrue_scans.py::"
+          "test_a_lidar_turned_on_the_car_or_in_the_settings_stops_it_for_good_before_a_contact"),
     Fault(LIDAR, "too few beams, too slow", "refused with the reason", "another sensor",
           HOKUYO_SENSORS + "test_a_sensor_that_no_car_can_be_driven_by_is_refused_with_the_reason"),
     Fault(MOTOR, "unplugged, back at speed", "no command is kept; it starts from standstill", SELF,

@@ -1,8 +1,6 @@
 """Wheels and lidar that tell of the same drive, and of different ones: simulated rooms, and real drives."""
 
 import math
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,16 +10,15 @@ from wallride.runtime.control.live_laws import LiveLaws
 from wallride.runtime.control.perception.plausibility import (
     BACKWARDS,
     FROZEN,
+    HELD_OR_TURNED,
     STANDS_FOR_S,
+    TURNED,
     WHEELS_IN_THE_AIR,
     WRONG_SCALE,
     Plausibility,
 )
-from wallride.runtime.control.perception.scan_shift import Agreement, compare_shift
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.settings.tree import load_settings
-from wallride.sim.lab.recorded.scan_motion import motion_of
-from wallride.sim.recordings import load_recording
 from wallride.sim.virtual.closed_loop import as_scan
 from wallride.sim.world.beams import LidarSettings, scan
 from wallride.sim.world.pose import Pose, Twist
@@ -30,19 +27,19 @@ from wallride.sim.world.worlds import load_world
 CAR = CarSettings()
 PERIOD_S = 0.025
 ROOMS = ["inside_corner", "loop", "u_turn", "dead_end", "doorway", "cluttered"]
-RACECAR = Path(__file__).resolve().parents[4] / ".." / "shared" / "data" / "racecar"
 
 
 class Room:
     """A car that is moved along an arc in a world, and whose wheels tell what the test wants."""
 
-    def __init__(self, world="loop", seed=1, judge=None, noise_m=0.01):
+    def __init__(self, world="loop", seed=1, judge=None, noise_m=0.01, yaw_rad=0.0):
         self.world = load_world(world)
         start = self.world.start
         self.pose = Pose(start.x_m, start.y_m, start.yaw_rad)
         self.rng = np.random.default_rng(seed)
         self.lidar = LidarSettings(noise_std_m=noise_m)
         self.plausibility = judge or Plausibility(CAR)
+        self.yaw_rad = yaw_rad  # of the lidar as configured
         self.now_s = self.distance_m = 0.0
         self.sequence = 0
         self.frozen_m = None
@@ -64,7 +61,7 @@ class Room:
         )
         seen = as_scan(
             scan(self.world, self.pose, Twist(0.0, 0.0, 0.0), self.now_s, self.rng, self.lidar),
-            self.lidar, self.now_s, self.sequence,
+            self.lidar, self.now_s, self.sequence, self.yaw_rad,
         )  # fmt: skip
         self.sequence += 1
         if self.frozen_m is not None:
@@ -99,7 +96,7 @@ def test_a_car_that_drives_back_while_its_wheels_report_ahead_is_named_with_the_
     room = Room(world)
     while not room.plausibility.doubt and abs(room.moved_m) < 1.0:
         room.step(-0.5, told=-1.0, steering_rad=steering_rad)
-    assert room.plausibility.motor_doubt == BACKWARDS == "runs backwards: swap two phases of the motor"
+    assert room.plausibility.motor_doubt == BACKWARDS
     assert not room.plausibility.believed
     assert abs(room.moved_m) <= 0.5
 
@@ -110,6 +107,63 @@ def test_wheels_that_tell_a_third_of_the_way_are_a_wrong_gain(world):
     while not room.plausibility.doubt and room.moved_m < 3.0:
         room.step(1.0, told=0.33)
     assert room.plausibility.motor_doubt == WRONG_SCALE
+
+
+def named_after_m(room, *, speed_mps=1.0, steering_rad=0.0):
+    while not room.plausibility.doubt and room.moved_m < 1.0:
+        room.step(speed_mps, steering_rad=steering_rad)
+    return room.moved_m
+
+
+@pytest.mark.parametrize("world", ["inside_corner", "loop", "u_turn", "dead_end", "cluttered"])
+@pytest.mark.parametrize("steering_rad", [0.0, 0.3])
+@pytest.mark.parametrize("yaw_deg", [-135, -90, -60, -45, 45, 60, 90, 135])
+def test_a_lidar_that_is_turned_on_the_car_is_named_within_40_cm(world, steering_rad, yaw_deg):
+    room = Room(world, yaw_rad=math.radians(yaw_deg))
+    assert named_after_m(room, steering_rad=steering_rad) < 0.4
+    assert room.plausibility.lidar_doubt == TURNED
+    assert not room.plausibility.believed
+
+
+@pytest.mark.parametrize("world", ["straight", "corridor", "doorway", "curved"])
+@pytest.mark.parametrize("yaw_deg", [-90, -60, -45, 45, 60, 90])
+def test_where_all_walls_are_parallel_what_stands_ahead_of_a_turned_lidar_is_named(world, yaw_deg):
+    room = Room(world, yaw_rad=math.radians(yaw_deg))
+    assert named_after_m(room) < 0.4
+    assert room.plausibility.lidar_doubt == HELD_OR_TURNED
+
+
+@pytest.mark.parametrize("world", ["inside_corner", "loop", "cluttered"])
+def test_a_lidar_that_looks_back_is_named_as_what_looks_the_same(world):
+    room = Room(world, yaw_rad=math.pi)
+    assert named_after_m(room) < 0.4
+    assert room.plausibility.motor_doubt == BACKWARDS
+    assert "lidar turned by 180 degrees" in BACKWARDS
+
+
+@pytest.mark.parametrize("world", ROOMS)
+@pytest.mark.parametrize("yaw_deg", [-12, 12])
+def test_a_lidar_that_is_mounted_askew_a_little_is_believed(world, yaw_deg):
+    found = Room(world, yaw_rad=math.radians(yaw_deg)).drive(1.0)
+    assert (found.doubt, found.believed) == ("", True)
+
+
+def test_a_turned_lidar_is_doubted_until_its_link_is_lost():
+    room = Room(yaw_rad=math.radians(90))
+    named_after_m(room)
+    for _ in range(400):
+        room.step(0.0, told=0.0)
+    assert room.plausibility.doubt == TURNED
+    room.now_s += 1.5
+    room.step(0.0, told=0.0)
+    room.plausibility.learn()
+    assert room.plausibility.doubt == ""
+    room.yaw_rad = 0.0
+    assert room.drive(0.6).believed
+
+
+def test_above_2_mps_where_a_car_may_slide_no_direction_is_judged():
+    assert Room("cluttered", yaw_rad=math.radians(90)).drive(1.5, speed_mps=3.0).doubt == ""
 
 
 def test_wheels_in_the_air_are_told_and_not_backed_out_by_and_no_fault():
@@ -192,63 +246,6 @@ def test_the_laws_answer_a_doubt_with_a_stop_and_its_words(method):
     state = MotorState(room.now_s, -1.0, room.distance_m, 0.0, 12.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
     verdict = laws.look(room.last, state).limit(1.0, 0.0)
     assert (verdict.forward_mps, verdict.reverse_mps, verdict.reason) == (0.0, 0.0, BACKWARDS)
-
-
-def shifts(recording, way_m):
-    """Pairs of scans that are so far apart, with base_link's shift between them as the scans' own motion has it."""
-    motion = motion_of(recording)
-    x_m = motion.x_m - CAR.lidar_x_m * np.cos(motion.yaw_rad)
-    y_m = motion.y_m - CAR.lidar_x_m * np.sin(motion.yaw_rad)
-    for first in range(0, len(recording) - 3, 8):
-        far = np.flatnonzero(np.hypot(x_m[first:] - x_m[first], y_m[first:] - y_m[first]) >= way_m)
-        if not far.size or np.ptp(recording.stamp_s[first : first + far[0] + 1]) > 3.0:
-            continue
-        last = first + int(far[0])
-        dx, dy, yaw_rad = x_m[last] - x_m[first], y_m[last] - y_m[first], motion.yaw_rad[first]
-        yield first, last, (
-            math.cos(yaw_rad) * dx + math.sin(yaw_rad) * dy,
-            math.cos(yaw_rad) * dy - math.sin(yaw_rad) * dx,
-            float(motion.yaw_rad[last] - yaw_rad),
-        )  # fmt: skip
-
-
-@pytest.mark.parametrize("name", ["t14_outside_corner_gap14s", "t14_inside_corner_2mps", "t3_wall_data"])
-def test_on_real_drives_the_scans_never_contradict_a_true_way_and_find_a_reversed_one(name):
-    path = RACECAR / f"{name}.npz"
-    if not path.exists():
-        pytest.skip(f"the recording {path.name} is not here; it lies in shared/data beside the checkout")
-    recording = load_recording(path)
-
-    def scan_at(number):
-        ranges_m = np.where(recording.ranges_m[number] <= 30, recording.ranges_m[number], np.nan)
-        return Scan(
-            0, 0, recording.angle_min_rad, recording.angle_step_rad, 0.02, 30, ranges_m.astype(np.float32), number
-        )
-
-    true, reversed_ = [], []
-    for first, last, (x_m, y_m, yaw_rad) in shifts(recording, 0.3):
-        before, after = scan_at(first), scan_at(last)
-        true.append(compare_shift(before, after, (x_m, y_m, yaw_rad), CAR.lidar_x_m))
-        reversed_.append(compare_shift(before, after, (-x_m, y_m, -yaw_rad), CAR.lidar_x_m))
-    assert set(true) <= {Agreement.AGREES, Agreement.UNKNOWN}
-    assert set(reversed_) <= {Agreement.OPPOSITE, Agreement.UNKNOWN}
-    assert true.count(Agreement.AGREES) >= 0.8 * len(true)
-    assert reversed_.count(Agreement.OPPOSITE) >= 0.8 * len(reversed_)
-
-
-def test_scans_of_two_sensors_are_not_compared():
-    room = Room()
-    room.step(0.0, told=0.0)
-    before = room.last
-    other = Scan(0, 0, before.angle_min_rad, 2 * before.angle_step_rad, 0.02, 30, before.ranges_m[::2], 1)
-    assert compare_shift(before, other, (0.3, 0.0, 0.0), CAR.lidar_x_m) is Agreement.UNKNOWN
-
-
-def test_a_lidar_that_sees_too_little_is_not_compared():
-    room = Room()
-    room.step(0.0, told=0.0)
-    nothing = replace(room.last, ranges_m=np.full_like(room.last.ranges_m, np.nan))
-    assert compare_shift(room.last, nothing, (0.3, 0.0, 0.0), CAR.lidar_x_m) is Agreement.UNKNOWN
 
 
 def test_the_way_of_a_repeated_scan_counts_from_the_first_report_of_the_wheels():

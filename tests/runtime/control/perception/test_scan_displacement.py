@@ -1,0 +1,78 @@
+"""The lidar's displacement between two scans of simulated rooms: found without a guess, where the walls tell it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.runtime.control.perception.test_plausibility import Room
+from wallride.runtime.control.perception.scan_displacement import displacement, patches_of
+
+
+def two_scans(world, way_m, turn_rad, *, noise_m=0.01, seed=1):
+    """Return the scans before and after a way along an arc, and the lidar's true shift in its first frame."""
+    room = Room(world, seed=seed, noise_m=noise_m)
+    room.step(0.0, told=0.0)
+    before, at = room.last, room.pose.ahead(room.lidar.mount_x_m, 0.0)
+    yaw_rad, steps = room.pose.yaw_rad, 4
+    steering_rad = math.atan(turn_rad * 0.33 / way_m) if way_m else 0.0
+    for _ in range(steps if way_m else 0):
+        room.step(way_m / steps / 0.025, steering_rad=steering_rad)
+    if not way_m:
+        room.step(0.0, told=0.0)
+    now = room.pose.ahead(room.lidar.mount_x_m, 0.0)
+    shift_m = complex(now.x_m - at.x_m, now.y_m - at.y_m) * np.exp(-1j * yaw_rad)
+    return before, room.last, shift_m, room.pose.yaw_rad - yaw_rad
+
+
+@pytest.mark.parametrize("world", ["inside_corner", "loop", "u_turn", "dead_end", "cluttered"])
+@pytest.mark.parametrize("way_m", [0.08, 0.2])
+@pytest.mark.parametrize("turn_rad", [0.0, 0.08])
+@pytest.mark.parametrize(("noise_m", "within_m"), [(0.005, 0.01), (0.02, 0.025)])
+def test_a_shift_is_found_without_a_guess(world, way_m, turn_rad, noise_m, within_m):
+    before, after, shift_m, turned_rad = two_scans(world, way_m, turn_rad, noise_m=noise_m)
+    found = displacement(patches_of(before), patches_of(after), turned_rad + 0.03)
+    assert found is not None
+    assert abs(found.shift_m - shift_m) < within_m
+    assert abs(found.turn_rad - turned_rad) < within_m
+
+
+@pytest.mark.parametrize("yaw_rad", [1.6, -1.6, math.pi])
+def test_a_turned_lidar_shows_the_same_way_in_another_direction(yaw_rad):
+    before, after, shift_m, _ = two_scans("cluttered", 0.1, 0.0)
+    turned = [replace(scan, angle_min_rad=scan.angle_min_rad + yaw_rad) for scan in (before, after)]
+    found = displacement(patches_of(turned[0]), patches_of(turned[1]), 0.0)
+    assert found is not None
+    assert abs(found.shift_m - shift_m * np.exp(1j * yaw_rad)) < 0.012
+
+
+@pytest.mark.parametrize("world", ["straight", "corridor"])
+def test_parallel_walls_tell_nothing_of_the_way_along_them(world):
+    before, after, *_ = two_scans(world, 0.1, 0.0)
+    found = displacement(patches_of(before), patches_of(after), 0.0)
+    assert found is not None
+    (along, _), (_, across) = found.information
+    assert along < 1e-3 * across
+
+
+def test_a_standing_car_has_no_shift():
+    before, after, *_ = two_scans("cluttered", 0.0, 0.0)
+    found = displacement(patches_of(before), patches_of(after), 0.05)
+    assert found is not None
+    assert abs(found.shift_m) < 0.006
+    assert abs(found.turn_rad) < 0.006
+
+
+def test_scans_of_two_sensors_are_not_compared():
+    before, *_ = two_scans("cluttered", 0.0, 0.0)
+    other = replace(before, angle_step_rad=2 * before.angle_step_rad, ranges_m=before.ranges_m[::2])
+    assert displacement(patches_of(before), patches_of(other), 0.0) is None
+
+
+def test_a_lidar_that_sees_nothing_is_not_compared():
+    before, *_ = two_scans("cluttered", 0.0, 0.0)
+    nothing = patches_of(replace(before, ranges_m=np.full_like(before.ranges_m, np.nan)))
+    assert not nothing.flat.any()
+    assert displacement(patches_of(before), nothing, 0.0) is None
+    assert displacement(nothing, patches_of(before), 0.0) is None
