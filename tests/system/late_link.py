@@ -1,18 +1,22 @@
-"""One drive in virtual time behind a link that delays the lidar's bytes: real drivers, tasks and laws."""
+"""A drive or a recording in virtual time, behind a link that delays the lidar's bytes: real drivers, tasks and laws."""
 
 import asyncio
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Final
 from unittest import mock
 
 import numpy as np
+import numpy.typing as npt
 
 from tests.system.soak.scene import MemoryLidar
+from wallride.drivers.api import Scan
 from wallride.drivers.hokuyo.driver import Hokuyo
 from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.drivers.link import ByteLink
 from wallride.runtime.app import Car
+from wallride.runtime.ending import end
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.virtual.devices import MemoryBus
 from wallride.sim.virtual.twin_world import TwinWorld, WorldMotor
@@ -94,6 +98,64 @@ class Drive:
     messages: list[str] = field(default_factory=list)
     scans: int = 0
     counts: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class Delivery:
+    """What the driver made of a recording. oldest_s: of the scans that it delivered, by their true age.
+
+    younger_s: by how much a scan was told to be younger than it was, at most. gap_s: longest time without a scan after
+    the first one.
+    """
+
+    delivered: int = 0
+    oldest_s: float = 0.0
+    younger_s: float = 0.0
+    gap_s: float = 0.0
+
+
+def deliver_late(ranges_m: npt.NDArray[np.float32], late_s: Callable[[float], float]) -> Delivery:
+    """Send recorded scans (n, 1081) through the late link, one each PERIOD_S."""
+    return run_virtual(_deliver(ranges_m, late_s))
+
+
+async def _deliver(ranges_m: npt.NDArray[np.float32], late_s: Callable[[float], float]) -> Delivery:
+    clock, found = asyncio.get_running_loop().time, Delivery()
+    scip = MemoryLidar(clock=clock, seed=1)
+    taken_s: dict[bytes, float] = {}
+    last_s = math.nan
+
+    def on_scan(scan: Scan) -> None:
+        nonlocal last_s
+        age_s = clock() - taken_s[_key(np.asarray(scan.ranges_m))]
+        found.delivered += 1
+        found.oldest_s = max(found.oldest_s, age_s)
+        found.younger_s = max(found.younger_s, age_s - (clock() - scan.stamp_s))
+        found.gap_s = max(found.gap_s, 0.0 if math.isnan(last_s) else clock() - last_s)
+        last_s = clock()
+
+    async def open_link(address: Any, clock: Any) -> ByteLink:
+        ours = scip.connect()
+        return ByteLink(address, ours.fileno(), lambda _lost: ours.close(), clock)
+
+    with mock.patch("wallride.drivers.hokuyo.driver.open_link", open_link):
+        lidar = Hokuyo(HokuyoSettings(address="tcp://127.0.0.1:1"), clock=clock)
+        running = asyncio.get_running_loop().create_task(lidar.run(on_scan))
+        for number, row_m in enumerate(ranges_m):
+            await asyncio.sleep((number + 1) * PERIOD_S - clock())
+            far = ~((row_m >= 0.02) & (row_m <= 30.0))
+            reported_mm = np.where(far, NO_RETURN_MM, np.round(row_m * 1000)).astype(np.int64)
+            taken_s[_key(np.where(far, np.nan, reported_mm / 1000))] = clock()
+            scip.late_s = late_s(clock())
+            scip.publish(reported_mm, round(clock() * 1000))
+        await asyncio.sleep(max(1.0, scip.late_s))
+        await end(running)
+    scip.close()
+    return found
+
+
+def _key(ranges_m: npt.NDArray[Any]) -> bytes:
+    return bytes(np.round(np.nan_to_num(ranges_m, nan=0.0)[::7] * 1000).astype(np.int32))
 
 
 def drive_late(what: LateDrive) -> Drive:

@@ -1,8 +1,14 @@
 """A car in virtual time behind a link that delays the lidar's bytes; `python -m benchmarks.late_lidar` has more."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
-from tests.system.late_link import Constant, Growing, Jitter, LateDrive, Stepping, drive_late
+from tests.system.late_link import Constant, Growing, Jitter, LateDrive, Stepping, deliver_late, drive_late
+from wallride.sim.recordings import load_recording
+
+RECORDED = Path(__file__).resolve().parents[2] / ".." / "shared" / "data" / "racecar" / "t14_straight_1mps.npz"
 
 
 @pytest.mark.parametrize("timeless", [False, True])
@@ -28,3 +34,22 @@ def test_a_lidar_that_comes_within_60_ms_stops_no_drive():
     found = drive_late(LateDrive("straight", 3.0, Jitter(0.06), duration_s=5.0))
     assert (found.stops, found.contact_mps, found.counts) == (0, None, {})
     assert found.way_m > 8.0
+
+
+@pytest.mark.parametrize(
+    ("late_s", "most", "least"),
+    [
+        (Constant(0.2), 0, 0),
+        (Constant(0.09), 200, 150),
+        (Constant(0.3, 2.0), 80, 60),
+        (Growing(0.1, 1.0), 90, 60),
+        (Jitter(0.06), 200, 180),
+    ],
+)
+def test_of_a_real_recording_no_scan_is_delivered_that_is_older_than_it_is_told(late_s, most, least):
+    if not RECORDED.exists():
+        pytest.skip(f"the recording {RECORDED.name} is not here; it lies in shared/data beside the checkout")
+    found = deliver_late(np.asarray(load_recording(RECORDED).ranges_m)[:200], late_s)
+    assert least <= found.delivered <= most
+    assert found.oldest_s < 0.11
+    assert found.younger_s < 0.01
