@@ -38,7 +38,7 @@ from wallride.failure import (
 )
 from wallride.fleet import options as fleet_options
 from wallride.new import options as new_options
-from wallride.parser import Parser, add_config, add_set, default_config
+from wallride.parser import GroupedParser, Parser, add_config, add_set, default_config
 from wallride.runtime.host.terminal_text import one_line, say
 from wallride.service import options as service_options
 from wallride.vesc import options as vesc_options
@@ -93,9 +93,9 @@ def command() -> int:
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser; every name in it is a contract that scripts rely on."""
-    parser = Parser(prog="wallride", description="Drives a 1/10-scale autonomous racecar.")
+    parser = GroupedParser(prog="wallride", description="Drives a 1/10-scale autonomous racecar.")
     parser.add_argument("--version", action="version", version=f"wallride {_version()}")
-    commands: Any = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    commands: Any = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
     run = commands.add_parser("run", help="drive the car until SIGINT or SIGTERM")
     check = commands.add_parser("check", help="validate the settings and print the effective ones")
     run.set_defaults(run=_run)

@@ -1,13 +1,13 @@
-"""Argument parser whose errors suggest the nearest command, choice or option; and options of several commands."""
+"""Argument parser with grouped commands, whose errors suggest the nearest name; and options of several commands."""
 
 import argparse
 import difflib
 import os
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Never
+from typing import Any, Final, Never
 
 from wallride.failure import USAGE_ERROR
 from wallride.runtime.host.terminal_text import one_line, say
@@ -18,6 +18,19 @@ OPTION = re.compile(r"--[a-z][a-z-]+")
 DEFAULT_CONFIG = Path("/etc/wallride/car.toml")
 CONFIG_VARIABLE = "WALLRIDE_CONFIG"
 """Environment variable: the car's settings file for every command that reads one, unless it is named."""
+
+
+GROUPS: Final[Mapping[str, Sequence[str]]] = {
+    "first drive": ("sim", "emulate", "import", "check", "doctor", "vesc", "calibrate", "service", "deploy"),
+    "daily": (
+        "run", "teleop", "monitor", "status", "stop", "param", "logs", "record", "replay", "report", "plot", "topic",
+        "foxglove", "own-parts", "completion",
+    ),
+    "own laws and lab": ("new", "lab", "line", "bench", "build-kernel"),
+    "fleet, and access over the network": ("cars", "race", "router", "keys"),
+}  # fmt: skip
+"""By title, the commands in the order of the help; one that stands in no group is shown in a last one."""
+OTHERS: Final = "others"
 
 
 class Parser(argparse.ArgumentParser):
@@ -41,6 +54,38 @@ class Parser(argparse.ArgumentParser):
 
     def _options(self) -> list[str]:
         return OPTION.findall(self.format_help())
+
+
+class GroupedParser(Parser):
+    """The parser of all commands: its help shows them in groups."""
+
+    def format_help(self) -> str:
+        """Return the help: usage, the groups, the options."""
+        formatter = self._get_formatter()
+        formatter.add_usage(self.usage, self._actions, self._mutually_exclusive_groups)
+        formatter.add_text(self.description)
+        for title, commands in self._grouped():
+            formatter.start_section(title)
+            formatter.add_arguments(commands)
+            formatter.end_section()
+        formatter.start_section("options")
+        formatter.add_arguments([action for action in self._actions if action.option_strings])
+        formatter.end_section()
+        formatter.add_text(f"{self.prog} COMMAND --help has the options of a command.")
+        return formatter.format_help()
+
+    def _grouped(self) -> Iterator[tuple[str, list[argparse.Action]]]:
+        """Yield each group's title and its commands, as argparse has them."""
+        waiting = {
+            shown.dest: shown
+            for action in self._actions
+            if isinstance(action, argparse._SubParsersAction)  # noqa: SLF001 - argparse has no public name for it
+            for shown in action._choices_actions  # noqa: SLF001 - nor for this
+        }
+        for title, names in GROUPS.items():
+            yield title, [waiting.pop(name) for name in names if name in waiting]
+        if waiting:
+            yield OTHERS, list(waiting.values())
 
 
 def did_you_mean(wrong: str, known: Sequence[str]) -> str:

@@ -72,7 +72,9 @@ def run(options: argparse.Namespace) -> int:
     if options.json != "-":
         # A file or a pipe has no width of its own: use one that no table breaks.
         _show(
-            tables, Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH), f"{len(cells)} runs in {took_s:.0f} s"
+            tables,
+            Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH, markup=False),
+            f"{len(cells)} runs in {took_s:.0f} s",
         )
     faults = laws.own_law_faults(choice.laws, figures)
     for fault in faults:

@@ -59,7 +59,7 @@ def gains(plan: ReportPlan, law: str, rows: Sequence[Row]) -> list[TabledCell]:
             _gain_row(table, half, number, of_half[number * len(plan.tests) :], theirs) for number in range(len(pairs))
         ]
         body.append(
-            ("physics: least true error of any steering", *(_limit(row) for row in of_half[: len(plan.tests)]), "")
+            ("true error of the best way that a search found", *(_limit(row) for row in of_half[: len(plan.tests)]), "")
         )
         other, fixed = ("Kp", pairs[0][0]) if half == "kd" else ("Kd", pairs[0][1])
         title = f"{VARIED[half]} varied, {other} {fixed:g}: {title_of(law)}"
