@@ -161,8 +161,19 @@ for (const place of document.querySelectorAll("[data-at]")) {
   place.replaceChildren(link);
 }
 
+const laps = [...document.querySelectorAll(".laps")].map((box) => [...box.children]);
+
+/** Of each drawing of several laps, the one at the cursor; before the first the first, behind the last the last. */
+function showLaps() {
+  for (const parts of laps) {
+    const at = Math.max(0, parts.findLastIndex((part) => Number(part.dataset.from) <= view.now));
+    parts.forEach((part, number) => { part.hidden = number !== at; });
+  }
+}
+
 function move() {
   for (const chart of charts) chart.move();
+  showLaps();
   for (const moment of moments) moment.show();
   slider.value = view.now;
   const text = `${view.now.toFixed(2)} s`;

@@ -49,6 +49,18 @@ async def test_the_cursor_moves_in_all_plots_and_tells_the_decision(run, tab, tm
     assert tab.errors == []
 
 
+async def test_the_path_is_that_of_the_lap_at_the_cursor(run, tab, tmp_path):
+    truth = {"lap_times_s": [2.0, 3.0], "began_unix_s": run.zero_unix_s}
+    await opened(tab, tmp_path, shown(run, truth))
+    visible = (
+        "[...document.querySelectorAll('.lap')].filter((e) => !e.hidden).map((e) => e.querySelector('h3').textContent)"
+    )
+    for at_s, lap in ((0.0, "lap 1"), (1.9, "lap 1"), (2.5, "lap 2"), (run.duration_s, "after the last lap")):
+        await tab.run(f"go({at_s})")
+        assert await tab.run(visible) == [lap]
+    assert tab.errors == []
+
+
 DOTS = """(() => {
   const paint = CanvasRenderingContext2D.prototype.fillRect, canvas = document.querySelector('.scene canvas'), xs = [];
   CanvasRenderingContext2D.prototype.fillRect = (x) => xs.push(x);

@@ -1,7 +1,9 @@
 """A report tells what went wrong, wherever it was recorded, and shows a drive by an own law without that law."""
 
 import json
+import math
 import shutil
+from dataclasses import replace
 
 import pytest
 
@@ -19,6 +21,7 @@ from wallride.sim.replay.moment import moment_at_time
 from wallride.sim.replay.run import run_of
 from wallride.sim.run_report.page import page
 from wallride.sim.run_report.shown import shown
+from wallride.sim.run_report.track import spans
 
 __all__ = ["law_file"]
 
@@ -129,3 +132,19 @@ def test_a_drive_by_an_own_law_has_a_page_where_the_law_is_not(law_file, tmp_pat
     with pytest.raises(RecordingError, match=r"its own law cannot be used: there is no own_law"):
         replaying.run(options(elsewhere / "own.mcap", scan=None, at_s=None, publish=False, json=None))
     capsys.readouterr()
+
+
+def test_of_several_laps_each_has_its_own_path(run):
+    truth = {"lap_times_s": [2.0, 3.0, 2.5], "began_unix_s": run.zero_unix_s}
+    told = page(shown(run, truth))
+    assert [title for title in ("lap 1", "lap 2", "lap 3", "after the last lap") if f"<h3>{title}</h3>" in told] == [
+        "lap 1", "lap 2", "lap 3", *(["after the last lap"] if run.duration_s > 9.5 else []),
+    ]  # fmt: skip
+    assert 'data-from="2.000" data-until="5.000"' in told
+    assert 'class="lap"' not in page(shown(run))
+
+
+def test_a_long_drive_without_laps_is_drawn_in_parts(run):
+    long = replace(run, duration_s=200.0)
+    assert [title for title, *_ in spans(shown(long))] == ["part 1 of 3", "part 2 of 3", "part 3 of 3"]
+    assert spans(shown(run)) == [("", 0.0, math.inf)]
