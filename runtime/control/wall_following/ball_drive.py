@@ -9,9 +9,11 @@ from wallride.runtime.control.wall_following.ball_path import BallPath
 from wallride.runtime.control.wall_following.speed_profile import fastest_mps, speed_limit_mps
 
 TOO_NEAR_M = 0.05
-SLIPPING_SHARE = 0.3
+SLIPPING_SHARE = 0.6
 """Share of the assumed grip that is used when the car is too near to the wall and still approaches it at full lock: the
-floor may have less grip than assumed."""
+floor may have 0.5 where 0.65 is assumed, and a bend that takes more than 0.6 of that binds the car (`BOUND_SHARE` of
+`emergency`). Slower is no nearer to the wanted distance: the arc stays that of full lock, the car is beside the wall
+for longer, and braking takes grip from the turn."""
 
 
 def _flat_drive(path: BallPath, aim: Aim, car: Steered, wanted_mps: float, mu: float) -> tuple[Any, ...]:

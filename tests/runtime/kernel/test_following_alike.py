@@ -50,7 +50,7 @@ def test_a_slipping_car_is_slowed_alike(compiled):
     assert_same("drive_along_ball", answer, compiled["drive_along_ball"](*given_))
     nearer_by_the_line = (*path, -0.04, *TURNED_AWAY[1:])
     assert answer[2] == PYTHON["drive_along_ball"](*nearer_by_the_line)[2] == -0.34
-    assert answer[3] < 0.6 * compiled["drive_along_ball"](*nearer_by_the_line)[3]
+    assert answer[3] < 0.8 * compiled["drive_along_ball"](*nearer_by_the_line)[3]
 
 
 @pytest.mark.parametrize("place", range(12))
