@@ -96,7 +96,7 @@ class Emergency:
         tried = candidates(wish_rad, most_rad, situation.grips_mps2, gentle_share)
         if kept not in tried:
             tried.insert(1, kept)
-        chosen = best_of(situation, tried, kept, wish_rad)
+        chosen = best_of(situation, tried, kept, wish_rad, active)
         return Emergency(chosen, chosen.manoeuvre.steering_rad == wish_rad, (stamp_s, wish_rad), self.doubted)
 
     def turns_in_vain(self, strip: Strip, wish_rad: float, stamp_s: float) -> tuple[bool, "Emergency"]:

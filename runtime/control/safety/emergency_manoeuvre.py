@@ -6,7 +6,8 @@ a manoeuvre is rated by the best such end, so "turn away, then stop before the o
 rated by its speed; without one, the least distance to any obstacle counts, the room.
 
 A full brake straight on is the default. Another manoeuvre is chosen only where its impact is not harder on either floor
-and it is clearly better on the worse one; a begun manoeuvre is kept until another is clearly better, or the brake is.
+and it is clearly better on the worse one. A begun turn is given up for another steering, or for the brake, only where
+that is better by more than the noise of a scan (`is_surely_better`), and for the brake after two scans in a row, too.
 The steering is taken from the driver, human or not, only where the full brake collides on the assumed floor as well.
 Where it does not, even the driver's own steering needs NARROW_M of room: begun in vain, it costs the brake its way.
 
@@ -100,7 +101,13 @@ class EmergencyState:
         return [Outcome(done, tuple(row[:-1]), row[-1]) for done, row in zip(manoeuvres, rows, strict=True)]
 
 
-def best_of(situation: EmergencyState, tried: Sequence[Manoeuvre], kept: Manoeuvre, wish_rad: float) -> Outcome:
+def best_of(
+    situation: EmergencyState,
+    tried: Sequence[Manoeuvre],
+    kept: Manoeuvre,
+    wish_rad: float,
+    before: Outcome | None = None,
+) -> Outcome:
     """Return the choice of `choose` among `tried`, the first of which is the full brake, with the fewest rollouts.
 
     No manoeuvre beats a brake with enough room, and only the driver's own steering beats a brake that is collision-free
@@ -112,7 +119,7 @@ def best_of(situation: EmergencyState, tried: Sequence[Manoeuvre], kept: Manoeuv
     others = tried[1:]
     if brake.impact_mps[0] <= TINY:
         others = [other for other in others if other.steering_rad == wish_rad or other == kept]
-    return choose([brake, *situation.predict(others)], kept, wish_rad)
+    return choose([brake, *situation.predict(others)], kept, wish_rad, before)
 
 
 def candidates(
@@ -128,14 +135,15 @@ def candidates(
     return [FULL_BRAKE, *(Manoeuvre(steering, brake) for steering in steerings_rad for brake in brakes_mps2)]
 
 
-def choose(outcomes: Sequence[Outcome], kept: Manoeuvre, wish_rad: float) -> Outcome:
+def choose(outcomes: Sequence[Outcome], kept: Manoeuvre, wish_rad: float, before: Outcome | None = None) -> Outcome:
     """Return the best of outcomes, the first of which is the full brake's, by the rule of the module's docstring.
 
-    kept: the choice of the previous scan, FULL_BRAKE without one. wish_rad: the driver's own steering.
+    kept: the choice of the previous scan, FULL_BRAKE without one. before: that choice's outcome as predicted there.
+    wish_rad: the driver's own steering.
     """
     brake = outcomes[0]
     chosen = next((outcome for outcome in outcomes if outcome.manoeuvre == kept), brake)
-    if not never_harder(chosen, brake, CLEARLY_MPS):
+    if _is_given_up(chosen, brake, before):
         chosen = brake
     takes_wheels = brake.impact_mps[0] > TINY
     better = [
@@ -143,9 +151,24 @@ def choose(outcomes: Sequence[Outcome], kept: Manoeuvre, wish_rad: float) -> Out
         for outcome in outcomes[1:]
         if never_harder(outcome, brake, HARDLY_MPS)
         and (takes_wheels or (outcome.manoeuvre.steering_rad == wish_rad and outcome.room_m >= NARROW_M))
+        and (chosen is brake or _turns_alike(outcome, chosen) or is_surely_better(outcome, chosen))
     ]
     best = min(better, key=lambda outcome: (round(outcome.worst_mps, 1), -round(outcome.room_m, 2)), default=chosen)
     return best if is_clearly_better(best, chosen) else chosen
+
+
+def _is_given_up(turn: Outcome, brake: Outcome, before: Outcome | None) -> bool:
+    """Return whether a begun turn ends in the full brake: surely better now, or clearly softer two scans in a row."""
+    if is_surely_better(brake, turn):
+        return True
+    if before is not None and _turns_alike(before, turn):
+        least_mps = tuple(min(pair) for pair in zip(turn.impact_mps, before.impact_mps, strict=True))
+        turn = Outcome(turn.manoeuvre, least_mps, turn.room_m)
+    return not never_harder(turn, brake, CLEARLY_MPS)
+
+
+def _turns_alike(one: Outcome, other: Outcome) -> bool:
+    return one.manoeuvre.steering_rad == other.manoeuvre.steering_rad
 
 
 def never_harder(one: Outcome, other: Outcome, by_mps: float) -> bool:
@@ -162,3 +185,16 @@ def is_clearly_better(one: Outcome, other: Outcome) -> bool:
     if one.is_free and other.worst_mps <= HARDLY_MPS:
         return one.room_m > other.room_m + CLEARLY_M
     return one.is_free or one.worst_mps < other.worst_mps - CLEARLY_MPS
+
+
+def is_surely_better(one: Outcome, other: Outcome) -> bool:
+    """Return whether one is better by more than the noise of a scan: free with NARROW_M of room, or on every floor.
+
+    Where a turn passes a wall by less than the margin of the rollouts, noise decides from scan to scan whether it
+    touches, and how fast. Wheels that turn back and forth after it lose the way that the turn needs.
+    """
+    if not is_clearly_better(one, other):
+        return False
+    if one.is_free and one.room_m >= NARROW_M:
+        return True
+    return all(a < b - CLEARLY_MPS for a, b in zip(one.impact_mps, other.impact_mps, strict=True))

@@ -1,6 +1,7 @@
 """Bends near the grip of a slippery floor, driven: the car runs wider than its wheels point, and safety sees it."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,9 @@ from wallride.runtime.control.safety.swept import SweptGuard
 from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.car.vehicle import VehicleSettings
+from wallride.sim.lab.cell import Cell
+from wallride.sim.lab.courses.walls import case_of
+from wallride.sim.lab.laws import drive_case
 from wallride.sim.virtual.closed_loop import Case, drive
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import Pose
@@ -58,3 +62,12 @@ def test_a_bend_with_room_is_driven():
     done = driven(-0.5, seed=7, mu=0.8)
     assert done.contact is None
     assert not done.stops
+
+
+@pytest.mark.parametrize(
+    ("side", "seed"), [("left", 9008), ("left", 9012), ("left", 9013), ("left", 9207), ("right", 9028)]
+)
+def test_a_turn_that_passes_a_wall_by_millimetres_is_not_given_up_for_noise(side, seed):
+    """0.5 m from the wall, 20 degrees toward it, 3 m/s: in these the wheels turned back and forth, and it touched."""
+    case = replace(case_of("t1", 3.0, 0.5, side, seed), duration_s=1.0)
+    assert drive_case(Cell("walls", "t1", "ball", 3.0, 0.5, side, seed), case).contact is None

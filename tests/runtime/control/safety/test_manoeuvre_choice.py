@@ -18,6 +18,7 @@ from wallride.runtime.control.safety.emergency_manoeuvre import (
     candidates,
     choose,
     is_clearly_better,
+    is_surely_better,
     never_harder,
 )
 from wallride.runtime.control.safety.manoeuvre_rollout import MAX_ROOM_M, TINY
@@ -146,6 +147,49 @@ def test_a_begun_one_gives_way_to_the_brake_only_where_it_hits_clearly_harder():
     assert choose([brake, bearable], OTHER, WISH_RAD) is bearable
     assert choose([brake, too_hard], OTHER, WISH_RAD) is brake
     assert choose([brake, bearable], Manoeuvre(0.1, 1.0), WISH_RAD) is brake, "what was begun is not among them"
+
+
+def test_a_begun_turn_gives_way_to_a_brake_that_is_softer_in_two_scans_in_a_row():
+    """By less than the margin beside a wall, noise says from scan to scan whether a turn touches it."""
+    brake = outcome(FULL_BRAKE, (0.0, 1.7))
+    touches, passes = outcome(OWN, (0.8, 1.9)), outcome(OWN, (0.0, 1.4))
+    assert choose([brake, touches], OWN, WISH_RAD, passes) is touches
+    assert choose([brake, touches], OWN, WISH_RAD, touches) is brake
+    assert choose([brake, touches], OWN, WISH_RAD, outcome(OTHER, (0.0, 1.4))) is brake, "that was another turn"
+    assert choose([brake, touches], OWN, WISH_RAD) is brake, "it was not begun in the scan before"
+
+
+@pytest.mark.parametrize(
+    ("impact_mps", "room_m"), [((0.0, 0.0), NARROW_M), ((0.8 - 1.1 * CLEARLY_MPS, 1.9 - 1.1 * CLEARLY_MPS), 0.0)]
+)
+def test_a_brake_that_is_surely_better_ends_a_begun_turn_at_once(impact_mps, room_m):
+    brake = outcome(FULL_BRAKE, impact_mps, room_m)
+    touches, passes = outcome(OWN, (0.8, 1.9)), outcome(OWN, (0.0, 0.0))
+    assert choose([brake, touches], OWN, WISH_RAD, passes) is brake
+
+
+def test_a_begun_turn_gives_way_to_another_only_by_more_than_noise():
+    brake, turn = outcome(FULL_BRAKE, (1.4, 2.1)), outcome(OWN, (0.0, 1.9))
+    narrow, wide = outcome(OTHER, (0.0, 0.0), 0.9 * NARROW_M), outcome(OTHER, (0.0, 0.0), NARROW_M)
+    slower = outcome(OTHER, (0.0, 1.2))
+    for other in (narrow, slower):
+        assert choose([brake, turn, other], OWN, WISH_RAD) is turn
+        assert choose([brake, turn, other], FULL_BRAKE, WISH_RAD) is other, "nothing was begun"
+    assert choose([brake, turn, wide], OWN, WISH_RAD) is wide
+    gentler = outcome(Manoeuvre(WISH_RAD, 1.0), (0.0, 1.2))
+    assert choose([brake, turn, gentler], OWN, WISH_RAD) is gentler, "the same steering"
+
+
+def test_a_brake_with_less_room_does_not_end_a_begun_turn():
+    brake, turn = outcome(FULL_BRAKE, (0.0, 0.0), NARROW_M), outcome(OWN, (0.0, 0.0), 0.05)
+    assert choose([brake, turn], OWN, WISH_RAD) is turn
+
+
+def test_a_softer_turn_on_every_floor_is_surely_better():
+    turn = outcome(OWN, (1.0, 2.0))
+    assert is_surely_better(outcome(OTHER, (0.6, 1.6)), turn)
+    assert not is_surely_better(outcome(OTHER, (0.8, 1.6)), turn)
+    assert not is_surely_better(outcome(OTHER, (0.6, 1.8)), turn)
 
 
 def test_harder_is_judged_on_every_floor():
