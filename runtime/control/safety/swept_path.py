@@ -127,10 +127,14 @@ class Strip:
             free_m, touching_m = np.concatenate([free_m, hidden_m]), np.concatenate([touching_m, pressing_m])
         if not touching_m.size:
             return contact_on_arc(motion, steering_rad, length_m, outline, free_m)
-        outline = replace(outline, half_width_m=self._room_aside_m(touching_m, outline))
-        found = contact_on_arc(motion, steering_rad, length_m, outline, free_m)
-        # Points already within the margins would stop the car for ever: they are judged by the bare outline.
-        pressed = contact_on_arc(motion, steering_rad, length_m, self.body.bare, touching_m)
+        wide_m = self._room_aside_m(touching_m, outline)
+        found = contact_on_arc(motion, steering_rad, length_m, replace(outline, half_width_m=wide_m), free_m)
+        # Points already within the margins would stop the car for ever: they are judged by the bare outline. A rear
+        # corner that swings to a wall keeps half of the room that is left: it is known from memory alone, some
+        # millimetres to centimetres wrong.
+        narrows = direction < 0 and wide_m < outline.half_width_m
+        bare = replace(self.body.bare, half_width_m=wide_m) if narrows else self.body.bare
+        pressed = contact_on_arc(motion, steering_rad, length_m, bare, touching_m)
         return min(found, pressed, key=lambda contact: contact.travel_m)
 
     def _room_aside_m(self, touching_m: Places, outline: Outline) -> float:

@@ -79,6 +79,18 @@ def test_what_is_seen_behind_stops_it():
     assert close.limit(-0.5, -0.34).reverse_mps == 0.0  # the nose swings into the wall on the left
 
 
+def test_a_corner_that_swings_to_a_wall_beside_keeps_half_of_the_room():
+    """Within the margin beside a wall it backs straight; a car on a floor of 0.5 touched one with its rear corner."""
+    car, beside = Car(), world((-4.0, CAR.half_width_m + 0.015, 4.0, CAR.half_width_m + 0.015))
+    for _ in range(24):
+        car.look(beside, speed_mps=1.0, moved_m=0.05)
+    standing = car.look(beside)
+    assert standing.limit(-0.4, 0.0).reverse_mps == 0.5
+    assert standing.limit(-0.4, -0.34).reverse_mps == 0.0  # the nose
+    assert standing.limit(-0.4, 0.34).reverse_mps == 0.0  # the tail, where only the memory sees
+    assert standing.limit(-0.4, 0.34).reason == "wall behind"
+
+
 def test_half_a_metre_without_seeing_and_no_more():
     car = Car()
     for _ in range(9):
