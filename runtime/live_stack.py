@@ -14,6 +14,7 @@ from wallride.runtime.arbitration.command_queue import CommandQueue
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.limiter import Limiter, Limits
 from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.perception.scan_rate import ScanRate
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.recording.decision_log import DecisionLog
 from wallride.runtime.settings.tree import Settings
@@ -36,19 +37,21 @@ class LiveStack:
         self.queue.on_put, self.queue.on_withdrawn = decision_log.add_command, decision_log.add_withdrawal
         self.laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, self.clock)
         self.limiter = Limiter(limits(settings.car))
+        self._rate = ScanRate()
         decision_log.add_settings(settings)
 
     def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
         """Pass a scan to safety and put its speed limit.
 
         The limit is not a number but an assessment: the mux evaluates it for the very command that is about to be sent.
-        It is in force only for a limited time after the scan: a blind safety is a silent one.
+        It is in force only for a limited time after the scan, longer with a slow lidar: a blind safety is a silent one.
         """
         self.decision_log.begin()
         assessment = self.laws.look(scan, motor)
         self.decision_log.add_safety(scan, motor)
         word = SpeedLimit(Source.SAFETY, assessment, scan.stamp_s)
-        self.queue.put(word, expires_at_s=scan.stamp_s + self.settings.safety.expires_after_s)
+        waits_s = self._rate.note(scan.stamp_s)
+        self.queue.put(word, expires_at_s=scan.stamp_s + self.settings.safety.expires_after_s + waits_s)
         return assessment
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
@@ -58,7 +61,8 @@ class LiveStack:
         self.decision_log.add_follower(scan, motor, guidance)
         drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
         word = DriveCommand(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason)
-        self.queue.put(word, expires_at_s=scan.stamp_s + self.settings.wall_follow.expires_after_s)
+        waits_s = self._rate.note(scan.stamp_s)
+        self.queue.put(word, expires_at_s=scan.stamp_s + self.settings.wall_follow.expires_after_s + waits_s)
         return guidance
 
     def apply(self, settings: Settings) -> None:

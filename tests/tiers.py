@@ -16,12 +16,14 @@ SLOW: Final = (
     "sim/live/test_farewell.py", "system/faults/test_faults.py", "system/faults/test_router.py",
     "system/test_operator.py", "system/test_own_car.py", "system/test_own_law.py", "system/test_planners.py",
     "system/test_poor_link.py", "system/test_process.py", "system/test_scenario.py", "system/test_sim_fleet.py",
+    "system/test_turning_lidars.py",
     "system/test_uplink.py", "system/test_walls.py", "system/test_ways_out.py", "wallride/deploy/test_over_ssh.py",
     "wallride/doctor/test_command.py", "wallride/doctor/test_planted_in_the_devices.py", "wallride/test_cli.py",
     "wallride/test_install.py", "wallride/test_one_package.py", "wallride/vesc/test_command.py",
     # hundreds of drives or searches: the lab's experiments and what they are made of
     "runtime/calibration/test_planted_errors.py", "sim/fit/test_fit.py", "sim/lab/", "sim/lab_report/test_report.py",
     "sim/replay/test_foreign.py", "sim/replay/test_reenact.py", "sim/scenario/test_virtual_drive.py", "sim/tuning/",
+    "sim/virtual/test_turning_sensor.py",
     "sim/virtual/test_driving_together.py", "sim/world/test_map_file.py", "sim/world/test_map_start.py",
     # long recordings and full disks
     "runtime/recording/test_recorded_times.py", "runtime/recording/test_recorder_disk.py",

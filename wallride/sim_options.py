@@ -6,6 +6,7 @@ from pathlib import Path
 from wallride.parser import add_config, add_json, add_set, writable_path
 
 MAX_CARS = 32
+LIDARS = ("hokuyo", "rplidar", "ydlidar", "a1", "a2", "c1", "s2", "x4", "x2", "g4")
 
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -33,6 +34,11 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     )  # fmt: skip
     sim.add_argument("--pose", metavar="X,Y,THETA", help="start pose of the rear axle [m, m, rad]")
     sim.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default: 0)")
+    sim.add_argument(
+        "--lidar", choices=LIDARS,
+        help="emulated lidar: a UST-10LX, an RPLIDAR (A1) or YDLIDAR (X4), or a model of these"
+        " (default: that of lidar.driver)",
+    )  # fmt: skip
     sim.add_argument("--recording", type=Path, metavar="FILE", help="play a real recording through the emulated lidar")
     add_json(sim, "the summary")
     sim.add_argument("--plot", type=writable_path, metavar="FILE.png", help="draw the path and the error over time")

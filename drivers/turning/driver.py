@@ -33,6 +33,9 @@ RETRY_DELAYS_S: Final = (0.1, 0.5, 1.0, 2.0)
 """Delays of the reconnection attempts. The first is short because most losses are a restart; the last one repeats."""
 FIRST_SCAN_TIMEOUT_S: Final = 4.0
 """Time from the start of a stream to its first scan: the motor needs two seconds, and two turns settle."""
+PROMPT_LINK_S: Final = 0.04
+"""Round trip up to which a link counts as prompt: the sensor takes some of it to answer, and a scan that is dated too
+early is as wrong as one that is dated too late."""
 LATE_SAID_S: Final = 0.05
 """Delay from which a status says that the scans come late."""
 SPEED_CHANGED: Final = 0.2
@@ -169,7 +172,7 @@ class TurningLidar:
         while True:
             self._say(LinkState.STARTING, f"{talk.link.address}: starting the motor and the stream")
             facts = await self._kind.start(talk, self._health.count)
-            link_s = talk.quickest_s if math.isfinite(talk.quickest_s) else 0.0
+            link_s = talk.quickest_s if PROMPT_LINK_S < talk.quickest_s < math.inf else 0.0
             turning = Turning(self._mount, self._settings.stale_after_s, link_s, self._motion)
             stream = TurnStream(facts, turning, self._health, self._take_number, on_scan)
             started_s = self._clock()

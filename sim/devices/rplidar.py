@@ -62,7 +62,7 @@ class RplidarDevice:
     unanswered: codes of commands that it does not answer.
     """
 
-    casts = 1
+    laser_m = laser_rad = 0.0
 
     def __init__(self, model: RplidarModel = A1) -> None:
         self.model = model
@@ -90,10 +90,6 @@ class RplidarDevice:
     def baud(self) -> int:
         """Return the speed of the line."""
         return self.model.baud
-
-    def measured_deg(self, head_deg: Floats, mm: Millimetres) -> Floats:  # noqa: ARG002 - it does not depend on them
-        """Return the directions in which it measures: those of the head."""
-        return head_deg
 
     def power_on(self) -> None:
         """Begin as after power-on."""

@@ -8,6 +8,7 @@ import random
 import time
 from collections import Counter, deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -19,8 +20,18 @@ from wallride.sim.devices.scip_port import BytePort, SerialDoor, TcpPort
 
 Millimetres = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
-See = Callable[[Floats], Millimetres]
-"""Measures: bearings of the sensor [rad], counter-clockwise, to distances; 0 for no return."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rays:
+    """Rays of a lidar, shape (n,): directions from its zero, counter-clockwise; beginnings, x + iy, at its middle."""
+
+    bearing_rad: Floats
+    start_m: npt.NDArray[np.complex128]
+
+
+See = Callable[[Rays], Millimetres]
+"""Measures: rays of the sensor to their lengths; 0 or SCIP's 65533 for no return."""
 _GARBAGE_BYTES: Final = 60
 _HELD_FRAMES: Final = 4000
 _NOWHERE: Final = 65000
@@ -32,8 +43,10 @@ class TurningDevice(Protocol):
 
     streaming: bool
     motor_on: bool
-    casts: int
-    """How often the direction of a measurement has to be found from its distance: 1 where it is that of the head."""
+    laser_m: float
+    """How far the laser begins to the right of the head's middle."""
+    laser_rad: float
+    """How far it looks to the left of the head's direction."""
 
     @property
     def sample_s(self) -> float:
@@ -50,10 +63,6 @@ class TurningDevice(Protocol):
         """Return the speed of the line."""
         ...
 
-    def measured_deg(self, head_deg: Floats, mm: Millimetres) -> Floats:
-        """Return the directions in which it measures, clockwise, when it will report these distances."""
-        ...
-
     def power_on(self) -> None:
         """Begin as after power-on."""
         ...
@@ -67,7 +76,68 @@ class TurningDevice(Protocol):
         ...
 
 
-class TurningEmulator:
+class TurningHead:
+    """The head of a device: what it measures while it turns.
+
+    Faults to set at any time (None or False: off):
+        frozen: every turn repeats the distances of the last one before.
+        blocked: the head stands, and measures on.
+        covered_mm: everything is so near.
+        device: its own faults; see `RplidarDevice`, `YdlidarDevice`.
+    """
+
+    def __init__(self, device: TurningDevice) -> None:
+        self.device = device
+        self.frozen = self.blocked = False
+        self.covered_mm: int | None = None
+        self._head_turns = 0.0
+        self._at_s: float | None = None
+        self._before: Millimetres = np.zeros(max(1, round(1 / device.turns_hz / device.sample_s)), np.int64)
+
+    @property
+    def turns_past_back(self) -> int:
+        """Return how often the head has passed the direction opposite to its zero."""
+        return int(self._head_turns + 0.5)
+
+    def turn_to(self, now_s: float, see: See) -> list[bytes]:
+        """Turn the head to a time, and return the frames that were filled meanwhile."""
+        begin_s, self._at_s = self._at_s, now_s
+        device = self.device
+        if begin_s is None or not device.streaming or not device.motor_on:
+            return []
+        count = int((now_s - begin_s) / device.sample_s)
+        self._at_s = begin_s + count * device.sample_s  # the rest of a sample is left for the next time
+        if not count:
+            return []
+        per_sample = 0.0 if self.blocked else device.turns_hz * device.sample_s
+        turns = np.asarray(self._head_turns + per_sample * np.arange(count), np.float64)
+        self._head_turns += per_sample * count
+        head_deg = np.asarray(turns % 1.0 * 360.0, np.float64)
+        return device.frames(head_deg, self._measured(turns, head_deg, see))
+
+    def _lit(self, head_deg: Floats, see: See) -> Millimetres:
+        """Return how far from the middle of the head its laser meets something."""
+        head = np.exp(-1j * np.radians(head_deg))
+        start_m = -1j * self.device.laser_m * head
+        mm = see(Rays(np.radians(-head_deg) + self.device.laser_rad, start_m))
+        if not self.device.laser_m:
+            return mm
+        places = start_m * 1000.0 + mm * head * np.exp(1j * self.device.laser_rad)
+        return np.where((mm > 0) & (mm < _NOWHERE), np.rint(np.abs(places)).astype(np.int64), 0)
+
+    def _measured(self, turns: Floats, head_deg: Floats, see: See) -> Millimetres:
+        place = (turns % 1.0 * self._before.size).astype(np.intp)
+        if self.frozen:
+            return self._before[place]
+        mm = self._lit(head_deg, see)
+        if self.covered_mm is not None:
+            mm = np.full_like(mm, self.covered_mm)
+        mm = np.where(mm >= _NOWHERE, 0, mm)
+        self._before[place] = mm
+        return mm
+
+
+class TurningEmulator(TurningHead):
     """Emulates one sensor with one client. Its owner calls `advance` often, and `close` at the end.
 
     Faults to set at any time (None or False: off):
@@ -75,20 +145,16 @@ class TurningEmulator:
         bad_checksum_every: every n-th frame has one byte changed.
         garbage_every: random bytes before every n-th frame.
         late_s: all frames leave so much later, in order (a slow bridge).
-        frozen: every turn repeats the distances of the last one before.
-        blocked: the head stands, and measures on.
-        covered_mm: everything is so near; None: nothing is in front of it.
         checks_baud: a serial client at another speed hears nothing.
-        device: its own faults; see `RplidarDevice`, `YdlidarDevice`.
+        those of its head; see TurningHead.
     counts: "frames", "dropped" (the client did not read), "client".
     """
 
     def __init__(self, device: TurningDevice, *, clock: Clock = time.monotonic, seed: int = 1) -> None:
-        self.device = device
-        self.silence = self.frozen = self.blocked = self.checks_baud = False
+        super().__init__(device)
+        self.silence = self.checks_baud = False
         self.bad_checksum_every: int | None = None
         self.garbage_every: int | None = None
-        self.covered_mm: int | None = None
         self.late_s = 0.0
         self.counts: Counter[str] = Counter()
         self._clock = clock
@@ -98,9 +164,6 @@ class TurningEmulator:
         self._serial: SerialDoor | None = None
         self._held: deque[bytes] | None = None
         self._late: deque[tuple[float, bytes]] = deque()
-        self._head_turns = 0.0
-        self._at_s: float | None = None
-        self._before: Millimetres = np.zeros(max(1, round(1 / device.turns_hz / device.sample_s)), np.int64)
 
     @property
     def streaming(self) -> bool:
@@ -127,35 +190,10 @@ class TurningEmulator:
 
         Return the monotonic time right after the last frame was handed to the kernel; None where none was.
         """
-        begin_s, self._at_s = self._at_s, now_s
-        device = self.device
-        if begin_s is None or not device.streaming or not device.motor_on:
-            return None
-        count = int((now_s - begin_s) / device.sample_s)
-        self._at_s = begin_s + count * device.sample_s  # the rest of a sample is left for the next time
-        if not count:
-            return None
-        per_sample = 0.0 if self.blocked else device.turns_hz * device.sample_s
-        turns = np.asarray(self._head_turns + per_sample * np.arange(count), np.float64)
-        self._head_turns += per_sample * count
-        head_deg = np.asarray(turns % 1.0 * 360.0, np.float64)
         sent_s = None
-        for frame in device.frames(head_deg, self._measured(turns, head_deg, see)):
+        for frame in self.turn_to(now_s, see):
             sent_s = self._emit(self._spoil(frame)) or sent_s
         return sent_s
-
-    def _measured(self, turns: Floats, head_deg: Floats, see: See) -> Millimetres:
-        place = (turns % 1.0 * self._before.size).astype(np.intp)
-        if self.frozen:
-            return self._before[place]
-        mm = np.zeros(head_deg.size, np.int64)
-        for _ in range(self.device.casts):
-            mm = see(np.radians(-self.device.measured_deg(head_deg, mm)))
-        if self.covered_mm is not None:
-            mm = np.full_like(mm, self.covered_mm)
-        mm = np.where(mm >= _NOWHERE, 0, mm)
-        self._before[place] = mm
-        return mm
 
     def disconnect(self) -> None:
         """Disconnect the client."""

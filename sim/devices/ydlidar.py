@@ -14,6 +14,8 @@ Millimetres = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 
 _PACKET_SAMPLES: Final = 40
+_LASER_M, _MEETS_M = 0.0218, 0.1553
+"""The laser begins so far beside the receiver, and meets its axis so far ahead."""
 _DIGITS: Final = bytes([2, 0, 1, 8, 0, 7, 2, 6, 0, 0, 0, 0, 0, 1, 0, 9])
 
 
@@ -46,7 +48,8 @@ class YdlidarDevice:
 
     def __init__(self, model: YdlidarModel = X4) -> None:
         self.model = model
-        self.casts = 3 if model.triangulates else 1
+        self.laser_m = _LASER_M if model.triangulates else 0.0
+        self.laser_rad = math.atan(_LASER_M / _MEETS_M) if model.triangulates else 0.0
         self.streaming = model.one_way
         self.fault = self.stays_broken = self.refuses = False
         self.unanswered: frozenset[int] = frozenset()
@@ -124,16 +127,6 @@ class YdlidarDevice:
         samples = [min(mm * self.model.divisor, 0xFFFF) for _, mm in part]
         words = [0x55AA, kind | len(part) << 8, *ends]
         return struct.pack(f"<5H{len(samples)}H", *words, reduce(xor, words + samples), *samples)
-
-    def measured_deg(self, head_deg: Floats, mm: Millimetres) -> Floats:
-        """Return the directions in which it measures, clockwise: the laser is beside the receiver."""
-        return head_deg + triangulation_deg(mm) if self.model.triangulates else head_deg
-
-
-def triangulation_deg(mm: Millimetres) -> Floats:
-    """Return how far a measurement at a distance is turned against the head, clockwise, shape (n,)."""
-    turned = [math.degrees(math.atan(21.8 * (155.3 - d) / (155.3 * d))) if d else 0.0 for d in mm.tolist()]
-    return np.array(turned)
 
 
 def _reply(kind: int, payload: bytes) -> bytes:

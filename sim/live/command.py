@@ -14,6 +14,7 @@ from rich.console import Console
 
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.car.vehicle import Vehicle, VehicleSettings
+from wallride.sim.devices import lidar_kinds
 from wallride.sim.figures.comparison import compare
 from wallride.sim.live.drive_summary import (
     HEARD,
@@ -69,7 +70,7 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
             config = options.config or find_config()
             saved = saved_settings(config)
             scenario = read_scenario(options, config)
-            settings = load_settings(config, options.assignments, saved, laws=True)
+            settings = _load(options, config, saved)
         if saved.exists():
             console.print(f"[dim]with what was saved in {saved} (delete it to forget)[/dim]", soft_wrap=True)
         _check_length(options)
@@ -101,6 +102,15 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     return _judged(scenario, scene, console) if scenario is not None and scene is not None else 0
 
 
+def _load(options: argparse.Namespace, config: Path, saved: Path) -> Settings:
+    """Return the settings of the drive, with the driver of the lidar that is emulated; the options then name it."""
+    if options.lidar is not None:
+        options.assignments = [*lidar_kinds.assignments(options.lidar), *options.assignments]
+    settings = load_settings(config, options.assignments, saved, laws=True)
+    options.lidar = options.lidar or settings.lidar.driver
+    return settings
+
+
 def _scenario_scene(options: argparse.Namespace, scenario: Scenario) -> ScenarioScene:
     """Return the scene of a scenario; the options must not say what its file says."""
     if options.pose or options.recording is not None or conditions_of(_wishes(options)) != Conditions():
@@ -124,6 +134,9 @@ def _drive(
     with stop.loading():
         conditions, scene, vehicle = build_scene(options, settings, chosen)
     scene.back_to = vehicle.pose if options.put_back else None
+    scene.turning = lidar_kinds.emulated(options.lidar)
+    if chosen is not None and scene.turning is not None:
+        raise SimUsageError(f"--lidar {options.lidar}: a scenario drives with the Hokuyo, whose faults it sets")
     world = scene.world
     if options.laps and world.lap is None:
         raise SimUsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
@@ -196,6 +209,8 @@ def _fleet(
         cars = build_fleet(world, options.cars, conditions, settings, options.seed, put_back=options.put_back)
     except (ValueError, OSError) as error:
         raise SimUsageError(str(error)) from None
+    for car in cars:
+        car.scene.turning = lidar_kinds.emulated(options.lidar)
     try:
         asyncio.run(run_fleet(cars, options, config, settings, stop, console))
     except* SessionError as group:
@@ -208,6 +223,8 @@ def _fleet(
 def _replay(
     options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest, console: Console
 ) -> dict[str, Any]:
+    if options.lidar != lidar_kinds.HOKUYO:
+        raise SimUsageError(f"--lidar {options.lidar}: a recording is played through the Hokuyo")
     with stop.loading():
         recording = load_recording(options.recording)
     for note in recording.notes:

@@ -9,12 +9,13 @@ from wallride.drivers.api import ProtocolError
 from wallride.drivers.hokuyo.replies import SensorParameters
 from wallride.sim.car.vehicle import Vehicle, VehicleSettings
 from wallride.sim.devices.scip_encode import UST_10LX, SensorModel
+from wallride.sim.devices.turning import Rays, TurningDevice
 from wallride.sim.figures.comparison import ComparedSteering, drove, recorded_answers
 from wallride.sim.figures.summary import Sample
 from wallride.sim.live.session import Ranges
 from wallride.sim.recordings.recording import Recording, RecordingError
 from wallride.sim.recordings.sensor_units import SCIP_MAX_MM, to_sensor_mm
-from wallride.sim.world.beams import LidarSettings, scan
+from wallride.sim.world.beams import LidarSettings, scan, sector
 from wallride.sim.world.lap import LapCounter
 from wallride.sim.world.obstacles import Obstacle
 from wallride.sim.world.obstacles import ObstacleWorld as Surroundings
@@ -32,6 +33,8 @@ class WorldScene:
     """
 
     model = UST_10LX
+    turning: TurningDevice | None = None
+    """The lidar of a full circle in place of the Hokuyo, if any."""
 
     def __init__(
         self, world: World, side: Side, lidar: LidarSettings, laps: int | None, seed: int,
@@ -105,6 +108,10 @@ class WorldScene:
         twist = Twist(vehicle.speed_mps, vehicle.yaw_rate_radps)
         return scan(self.surroundings, vehicle.pose, twist, time_s, self._rng, self.lidar), round(time_s * 1000)
 
+    def see(self, vehicle: Vehicle, rays: Rays) -> Ranges:
+        """Return what a lidar of a full circle measures now, mm."""
+        return sector(self.surroundings, vehicle.pose, rays.bearing_rad, rays.start_m, self._rng, self.lidar)
+
     def outline_m(self) -> Floats:
         """Return walls and obstacles as segments (n, 4), to draw."""
         things = self.surroundings.obstacle_outline_m
@@ -126,10 +133,15 @@ class RecordingScene:
         self.recording = recording
         self.back_to: Pose | None = None
         self.model = sensor_of(recording)
+        self.turning: TurningDevice | None = None
         self._position = 0
         self._ranges_mm = to_sensor_mm(recording.ranges_m, recording.range_min_m, recording.range_max_m)
         # The sensor's clock must not start below zero: foreign stamps may lie far before the first scan.
         self._stamps_ms = np.rint((recording.stamp_s - recording.stamp_s.min()) * 1000).astype(np.int64)
+
+    def see(self, _vehicle: Vehicle, rays: Rays) -> Ranges:
+        """Return nothing: a recording has the scans of its own lidar only."""
+        return np.zeros(rays.bearing_rad.size, np.int64)
 
     @property
     def finished(self) -> bool:

@@ -22,6 +22,7 @@ from wallride.sim.car.plant import Plant
 from wallride.sim.car.vehicle import Vehicle
 from wallride.sim.devices.scip import ScipEmulator
 from wallride.sim.devices.scip_encode import SensorModel
+from wallride.sim.devices.turning import Rays, TurningDevice, TurningEmulator
 from wallride.sim.devices.vesc import MotorDemand, VescEmulator
 from wallride.sim.figures.summary import Sample
 from wallride.sim.live.listener import Listener
@@ -44,7 +45,8 @@ HEARD_WITHIN_S = 3.0
 STAMP_MS = 1 << 24
 """SCIP stamps are 24 bits of milliseconds and wrap."""
 
-Ranges = npt.NDArray[np.integer]
+Ranges = npt.NDArray[np.int64]
+EmulatedLidar = ScipEmulator | TurningEmulator
 
 
 class SessionError(Exception):
@@ -76,6 +78,15 @@ class LidarScene(Protocol):
     @property
     def back_to(self) -> Pose | None:
         """Return where a car that hit something is put; None: it stays there."""
+        ...
+
+    @property
+    def turning(self) -> TurningDevice | None:
+        """Return the lidar of a full circle in place of the Hokuyo, if any."""
+        ...
+
+    def see(self, vehicle: Vehicle, rays: Rays) -> Ranges:
+        """Return what a lidar of a full circle measures now, mm."""
         ...
 
     def step(self, time_s: float, vehicle: Vehicle) -> bool:
@@ -188,19 +199,25 @@ class SimulatorSession:
         if listener is not None:
             self.record.changes = await listener.changes_since(self.record.began_s) or self.record.changes
 
-    async def _devices(self, stack: AsyncExitStack, folder: Path) -> tuple[ScipEmulator, VescEmulator, list[str]]:
+    async def _devices(self, stack: AsyncExitStack, folder: Path) -> tuple[EmulatedLidar, VescEmulator, list[str]]:
         """Start both emulators; returns them and the settings that name their addresses."""
         vesc = VescEmulator(folder / "vesc", on_command=self._on_command)
         vesc.start()
         stack.callback(vesc.close)
+        motor = f"motor.address=serial://{folder / 'vesc'}"
+        if self._scene.turning is not None:
+            turning = TurningEmulator(self._scene.turning)
+            turning.start_serial(folder / "lidar")
+            stack.callback(turning.close)
+            return turning, vesc, [f"lidar.address=serial://{folder / 'lidar'}", motor]
         scip = ScipEmulator(self._scene.model)
         port = await scip.start_tcp()
         stack.callback(scip.close)
         self._on_devices(scip, vesc)
-        return scip, vesc, [f"lidar.address=tcp://127.0.0.1:{port}", f"motor.address=serial://{folder / 'vesc'}"]
+        return scip, vesc, [f"lidar.address=tcp://127.0.0.1:{port}", motor]
 
     async def _until_up(
-        self, scip: ScipEmulator, runtime: RuntimeProcess, told: Path, on_frame: Callable[[Record], None],
+        self, scip: EmulatedLidar, runtime: RuntimeProcess, told: Path, on_frame: Callable[[Record], None],
         stop: StopRequest,
     ) -> None:  # fmt: skip
         """Wait until the runtime requests scans and has reported its address."""
@@ -252,7 +269,7 @@ class SimulatorSession:
     def _plant(self, vesc: VescEmulator) -> Plant:
         return Plant(self._vehicle, vesc, self._wiring, time.monotonic())
 
-    def _stepper(self, scip: ScipEmulator, plant: Plant) -> Tick:
+    def _stepper(self, scip: EmulatedLidar, plant: Plant) -> Tick:
         """Return a function that advances the world to the clock, and takes the lidar's scans when they are due."""
         record = self.record
         begin_s = record.began_s = time.monotonic()
@@ -264,6 +281,8 @@ class SimulatorSession:
             record.time_s = now_s - begin_s
             if self._scene.step(record.time_s, self._vehicle):
                 plant.crash()
+            if isinstance(scip, TurningEmulator):
+                self._turn(scip, now_s)
             while (due := self._scene.scan(record.time_s, self._vehicle)) is not None:
                 if record.steering_rad is not None:
                     record.steering_rad.append(plant.steering_rad)
@@ -272,9 +291,19 @@ class SimulatorSession:
 
         return step
 
-    def _publish(self, scip: ScipEmulator, ranges_mm: Ranges, stamp_ms: int) -> None:
-        sent_s = scip.publish(ranges_mm, stamp_ms % STAMP_MS)
+    def _turn(self, lidar: TurningEmulator, now_s: float) -> None:
+        """Let the head measure what it has passed since the last step; a scan ends where it looks back."""
+        before = lidar.turns_past_back
+        sent_s = lidar.advance(now_s, lambda rays: self._scene.see(self._vehicle, rays))
+        if sent_s is not None and lidar.turns_past_back > before:
+            self.record.latency.scan_sent(sent_s)
+
+    def _publish(self, scip: EmulatedLidar, ranges_mm: Ranges, stamp_ms: int) -> None:
+        """Send a scan of the Hokuyo; of another lidar it is only what is drawn."""
         self.record.ranges_mm = ranges_mm
+        if isinstance(scip, TurningEmulator):
+            return
+        sent_s = scip.publish(ranges_mm, stamp_ms % STAMP_MS)
         if sent_s is not None:
             self.record.latency.scan_sent(sent_s)
 

@@ -29,6 +29,7 @@ from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.car.delay import DelayLine
 from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle, VehicleSettings
 from wallride.sim.car.wiring import WiringConversion
+from wallride.sim.virtual.turning_sensor import TurningSensor
 from wallride.sim.world.beams import LidarSettings, Millimetres, scan
 from wallride.sim.world.obstacles import Obstacle, ObstacleWorld
 from wallride.sim.world.place import Surroundings, World
@@ -66,6 +67,8 @@ class Case:
     cover: change of the lidar's integers at a time [s], e.g. a hand before it; None: no change.
     driver: source of the follower's commands: the navigator, or a human bound by safety.
     wiring: difference between the car's gains and those in its settings, None for none. lidar_yaw_rad: as configured.
+    turning: word of a lidar of a full circle (`sim/devices/lidar_kinds.py`) in place of `lidar`'s beams, whose bytes go
+        through its driver's code; noise, range and mounting are those of `lidar`.
     """
 
     world: World
@@ -89,6 +92,7 @@ class Case:
     driver: Source = Source.NAVIGATION
     wiring: WiringConversion | None = None
     lidar_yaw_rad: float = 0.0
+    turning: str = ""
 
 
 @dataclass(slots=True)
@@ -229,6 +233,10 @@ class _Rig:
         rolling: Demand = SpeedDemand(case.start_speed_mps) if case.start_speed_mps else CoastDemand()
         self._wire: DelayLine[tuple[Demand, float]] = DelayLine(case.latency_s, (rolling, 0.0))
         self._motor: MotorState | None = None
+        self._turning = (
+            TurningSensor(case.turning, case.lidar, car, lambda: self._motor, self._rng) if case.turning else None
+        )
+        self._answered_s = 0.0
         self._polled_s = -math.inf
         self._free_m = 0.0  # free way of the car before a contact is possible
         self._log = _Log()
@@ -254,13 +262,18 @@ class _Rig:
         while step <= last and self._contact is None and self._distance_m < case.distance_m:
             now_s = step * STEP_S
             self._poll(now_s)
-            if now_s >= scans * period_s - STEP_S / 2:
+            if self._turning is not None:
+                self._scene.update(now_s, vehicle.pose, vehicle.speed_mps)
+                self._free_m = self._seen.clearance(vehicle.pose)
+                for sweep in self._turning.measure(now_s, self._seen, vehicle.pose):
+                    self._decide(now_s, sweep)
+            elif now_s >= scans * period_s - STEP_S / 2:
                 self._scene.update(now_s, vehicle.pose, vehicle.speed_mps)
                 self._free_m = self._seen.clearance(vehicle.pose)
                 self._answer(now_s, scans)
                 scans += 1
-                if now_s - self._moved_s > max(case.standing_s, 1.0):
-                    break
+            if now_s - self._moved_s > max(case.standing_s, 1.0):
+                break
             self._advance(now_s)
             step += 1
             yield step
@@ -289,12 +302,16 @@ class _Rig:
         )
 
     def _answer(self, now_s: float, sequence: int) -> None:
-        """Process one scan through all stages up to the wire."""
-        case, vehicle, pose = self._case, self._vehicle, self._vehicle.pose
-        reported_mm = scan(self._seen, pose, vehicle.twist, now_s, self._rng, case.lidar)
+        """Take one scan with the beams of `lidar`, and decide."""
+        case, vehicle = self._case, self._vehicle
+        reported_mm = scan(self._seen, vehicle.pose, vehicle.twist, now_s, self._rng, case.lidar)
         if case.cover is not None:
             reported_mm = case.cover(reported_mm, now_s)
-        sweep = as_scan(reported_mm, case.lidar, now_s, sequence, case.lidar_yaw_rad)
+        self._decide(now_s, as_scan(reported_mm, case.lidar, now_s, sequence, case.lidar_yaw_rad))
+
+    def _decide(self, now_s: float, sweep: Scan) -> None:
+        """Process one scan through all stages up to the wire."""
+        case, vehicle, pose = self._case, self._vehicle, self._vehicle.pose
         assessment = self._guard.look(sweep, self._motor) if self._guard is not None else _CONSENT
         guidance = self._follower.follow(sweep, self._motor)
         wish = guidance.drive or Drive(0.0, 0.0)
@@ -303,7 +320,8 @@ class _Rig:
             DriveCommand(case.driver, wish, None if case.driver is Source.TELEOP else now_s, guidance.reason),
         ]
         decision = arbitrate(words, frozenset({Source.SAFETY}), _ORDER)
-        period_s = 1.0 / case.lidar.rate_hz
+        period_s = 1.0 / case.lidar.rate_hz if self._turning is None else now_s - self._answered_s
+        self._answered_s = now_s
         told = self._limiter.limit(decision.speed_mps, decision.steering_rad, period_s, decision.brake_mps2)
         demand = self._demand(told)
         self._wire.put(now_s, (demand, told.steering_rad))

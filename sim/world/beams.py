@@ -101,6 +101,37 @@ def scan(
     return _as_reported(ranges_m, lidar, rng)
 
 
+def sector(
+    surroundings: Surroundings, pose: Pose, bearing_rad: Floats, start_m: Complexes, rng: np.random.Generator,
+    lidar: LidarSettings,
+) -> Millimetres:  # fmt: skip
+    """Return the lengths of any rays as the sensor reports them, shape (n,), in mm; 65533 for no return.
+
+    bearing_rad: from the sensor's zero. start_m: where they begin, x + iy, at its middle. All at one moment: a turning
+    head is asked often. Self-returns and own parts are not in it.
+    """
+    at, yaw_rad = pose.ahead(lidar.mount_x_m, lidar.mount_y_m), pose.yaw_rad + lidar.mount_yaw_rad
+    start = complex(at.x_m, at.y_m) + start_m * cmath.rect(1.0, yaw_rad)
+    seen_m = surroundings.cast(start.real, start.imag, bearing_rad + yaw_rad)
+    bearing_deg = np.degrees((bearing_rad + math.pi) % math.tau - math.pi)
+    for from_deg, to_deg, range_m in lidar.dirty_sectors:
+        hidden = (bearing_deg >= from_deg) & (bearing_deg <= to_deg)
+        seen_m = np.where(hidden, np.minimum(seen_m, range_m), seen_m)
+    lost = seen_m > lidar.range_max_m
+    seen_m = np.minimum(seen_m, lidar.range_max_m)
+    if lidar.noise_std_m:
+        seen_m = seen_m + rng.normal(0.0, lidar.noise_std_m, bearing_rad.size)
+    if lidar.outlier_share:
+        wild = rng.random(bearing_rad.size) < lidar.outlier_share
+        seen_m = np.where(wild, rng.uniform(0.02, min(10.0, lidar.range_max_m), bearing_rad.size), seen_m)
+        lost &= ~wild
+    if lidar.dropout_share:
+        lost |= rng.random(bearing_rad.size) < lidar.dropout_share
+    reported_mm = np.rint(np.maximum(seen_m, 0.0) * 1000.0).astype(np.int64)
+    reported_mm[lost] = NO_RETURN_MM
+    return reported_mm
+
+
 def true_ranges_m(surroundings: Surroundings, pose: Pose, twist: Twist, lidar: LidarSettings) -> Floats:
     """Return the ranges of a perfect lidar in the same place, shape (beams,); inf where there is nothing."""
     fan = _fan(lidar)

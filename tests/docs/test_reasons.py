@@ -35,6 +35,7 @@ NO_REASONS = frozenset(
         "are dirty: clean the window", "see nothing: uncover or clean the window",
         "see the car itself, or dirt, and are ignored", ".+ beams around .+ deg .+",
         "almost no beam has an echo: uncover or clean the lidar",
+        "the lidar allows .+ m/s: .+", ".+.+ deg a beam, .+ m",
         " .+ times in a row",  # a part of a reason
         "the wheels turn and the scan stands (wheels in the air?): it does not back out",
         # counted and logged: the command is not obeyed, and the car does what it did before

@@ -261,7 +261,7 @@ class OwnParts:
     def _expecting(self, seen: "_RearScan", pose: OdometryState, elapsed_s: float) -> Floats:
         """Return below_m for the expected pose of the car at the next scan."""
         rear, scan = seen.rear, seen.view.scan
-        ahead_s = elapsed_s if 0.0 < elapsed_s < MAX_STEP_S else 0.0
+        ahead_s = elapsed_s if 0.0 < elapsed_s < MAX_STEP_S + seen.view.waits_s else 0.0
         turned = cmath.rect(1.0, pose.yaw_rad + pose.yaw_rate_radps * ahead_s)
         at_m = complex(pose.x_m, pose.y_m) + pose.speed_mps * ahead_s * seen.turned + self._lidar_m * turned
         places = self._places(at_m, turned)

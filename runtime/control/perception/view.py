@@ -18,6 +18,7 @@ from wallride.drivers.accelerated import accelerated
 from wallride.drivers.api import Scan
 from wallride.drivers.value import value
 from wallride.runtime.control.perception.geometry import Booleans, Floats, bearings_rad, beyond, directions
+from wallride.runtime.control.perception.scan_rate import ScanRate
 from wallride.runtime.control.vehicle import CarSettings
 
 SUPPORT_WITHIN_M = 0.15
@@ -52,6 +53,7 @@ class View:
     x_m, y_m: end points in base_link; NaN without a distance. lidar_m: where the beams begin.
     solid: objects that can be hit or followed. no_echo: no information. own: on or in the car's own outline.
     dirty: known to be dirty, whatever they read now; None while no beam is. silent: number without an echo.
+    waits_s: how much longer than at 40 Hz the next scan takes.
     """
 
     scan: Scan
@@ -65,6 +67,7 @@ class View:
     lidar_m: complex
     dirty: Booleans | None
     silent: int
+    waits_s: float = 0.0
 
 
 Kind = tuple[float, float, int]
@@ -93,7 +96,7 @@ def fan_of(scan: Scan) -> Fan:
 
 
 class PerceptionCache:
-    """Computes the view of each scan once; shared by follower and safety."""
+    """Computes the view of each scan once; shared by follower and safety. rate: of the lidar."""
 
     def __init__(self, car: CarSettings) -> None:
         self._car = car
@@ -104,6 +107,7 @@ class PerceptionCache:
         self._ignored_below_m: Floats | None = None
         self._last: View | None = None
         self._fan: tuple[Kind, Fan] | None = None
+        self.rate = ScanRate()
 
     def ignore(self, dirty: Booleans | None, below_m: Floats | None = None) -> None:
         """Ignore these beams (n,) within the range of dirt, from the next scan on; None: ignore none.
@@ -136,7 +140,10 @@ class PerceptionCache:
         ranges_m, x_m, y_m, solid, no_echo, own, silent = view_scan(
             sent_m, fan, ignored_below_m, scan.angle_step_rad, car, self._own_within_m
         )
-        return View(scan, ranges_m, fan.bearing_rad, x_m, y_m, solid, no_echo, own, self._lidar_m, dirty, silent)
+        waits_s = self.rate.note(scan.stamp_s)
+        return View(
+            scan, ranges_m, fan.bearing_rad, x_m, y_m, solid, no_echo, own, self._lidar_m, dirty, silent, waits_s
+        )
 
 
 def _flat_view(

@@ -48,11 +48,12 @@ class Body:
         graded_mps2 = self.settings.graded_share * self.grip_for_mps2(found)
         return speed_to_stop_within_mps(found.travel_m - GRADED_SPARE_M, reaction_s, graded_mps2)
 
-    def look_m(self, fastest_mps: float) -> float:
+    def look_m(self, fastest_mps: float, waits_s: float = 0.0) -> float:
         """Return the look-ahead that a car at this speed needs for the graded limit.
 
-        The scan's age is left out: a look-ahead that grows with every tick would be swept at every tick.
+        The scan's age is left out: a look-ahead that grows with every tick would be swept at every tick. waits_s: how
+        much longer than at 40 Hz the next scan takes.
         """
         look_mps = math.ceil(fastest_mps / SPEED_STEP_MPS) * SPEED_STEP_MPS
         graded_mps2 = self.settings.graded_share * self.grip_mps2
-        return stopping_distance_m(look_mps, self.settings.actuation_s + 0.05, graded_mps2) + LOOK_SPARE_M
+        return stopping_distance_m(look_mps, self.settings.actuation_s + 0.05 + waits_s, graded_mps2) + LOOK_SPARE_M

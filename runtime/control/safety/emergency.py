@@ -86,7 +86,7 @@ class Emergency:
         """
         if self.chosen is not None and self.asked == (stamp_s, wish_rad):
             return self
-        active = None if stamp_s - self.asked[0] > FORGOTTEN_AFTER_S else self.chosen
+        active = None if stamp_s - self.asked[0] > FORGOTTEN_AFTER_S + strip.view.waits_s else self.chosen
         kept = FULL_BRAKE if active is None else active.manoeuvre
         if self.follows_driver and kept != FULL_BRAKE:
             kept = Manoeuvre(wish_rad, kept.brake_mps2)

@@ -36,6 +36,9 @@ MATCH_M, MAX_MOVE_M = 0.15, 0.35
 and its absolute maximum."""
 MOVED_M, SEEN_SCANS = 0.2, 8
 """Minimum way and number of scans that show a motion."""
+SLOW_SEEN_SCANS, SLOW_S = 4, 0.03
+"""The same number for a lidar for which the next scan is waited for that much longer: what moves goes farther from scan
+to scan, and eight of them take a second."""
 MIN_SPEED_MPS = 0.4
 MIN_SPEED_SHARE = 0.15
 """Share of the car's own speed that is added: a trimmed or drifting car turns by more than its steering indicates."""
@@ -50,6 +53,7 @@ AHEAD_S = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
 STOOD_S = 1.5
 """Time for which a car has to stand until no place from which a motion is measured is of its own drive."""
 FORGOTTEN_S = 0.15
+"""Maximum time out of sight with a lidar of 40 Hz."""
 CARRIED_S = 0.7
 """The same for an object that moves and goes out of sight: behind a pillar, or beside the shoulder."""
 CARRIED_POINTS = np.linspace(0.0, 1.0, 6)
@@ -84,7 +88,7 @@ class MovingObstacles:
             things = sorted(things, key=lambda thing: float(view.ranges_m[thing[0]]))[:MAX_THINGS]
         at_m, yaw_rad = self._odometry.pose(pose)
         look = ScanLook(view, at_m, cmath.rect(1.0, yaw_rad))
-        bounds = self._bounds(abs(pose.speed_mps))
+        bounds = self._bounds(abs(pose.speed_mps), slow=view.waits_s > SLOW_S)
         fresh: list[ObstacleTrack] = []
         strips: list[Places] = []
         for first, last in things:
@@ -100,8 +104,9 @@ class MovingObstacles:
         hidden = [track for track in self._tracks if track.moves and stamp_s - track.seen_s <= CARRIED_S]
         for track in hidden:
             strips += _carried(track, stamp_s, look)
+        forgotten_s = FORGOTTEN_S + view.waits_s
         self._tracks = fresh + [
-            track for track in self._tracks if stamp_s - track.seen_s <= (CARRIED_S if track.moves else FORGOTTEN_S)
+            track for track in self._tracks if stamp_s - track.seen_s <= (CARRIED_S if track.moves else forgotten_s)
         ]
         self.any_moves = bool(strips)
         self._look = look
@@ -126,15 +131,16 @@ class MovingObstacles:
         else:
             self._odometry.forget()
 
-    def _bounds(self, speed_mps: float) -> MotionBounds:
-        """Return what a track must exceed at this speed of the car."""
-        toward_mps, shown = MIN_SPEED_MPS + MIN_SPEED_SHARE * speed_mps, (MOVED_M, SEEN_SCANS)
+    def _bounds(self, speed_mps: float, *, slow: bool) -> MotionBounds:
+        """Return what a track must exceed at this speed of the car. slow: the lidar is."""
+        scans, soon_scans = (SLOW_SEEN_SCANS, SLOW_SEEN_SCANS) if slow else (SEEN_SCANS, SURE_SEEN_SCANS)
+        toward_mps, shown = MIN_SPEED_MPS + MIN_SPEED_SHARE * speed_mps, (MOVED_M, scans)
         if not self._odometry.sure:
             turning_per_s = TURNING_SHARE * self._turning_radps
             return MotionBounds(toward_mps, toward_mps, turning_per_s, shown, shown, NARROW_WIDTH_M)
         aside_mps = SURE_SPEED_MPS + SURE_SPEED_SHARE * speed_mps
         turning_per_s = SURE_TURNING_SHARE * self._turning_radps
-        return MotionBounds(toward_mps, aside_mps, turning_per_s, shown, (SURE_MOVED_M, SURE_SEEN_SCANS), MAX_WIDTH_M)
+        return MotionBounds(toward_mps, aside_mps, turning_per_s, shown, (SURE_MOVED_M, soon_scans), MAX_WIDTH_M)
 
     def _follow(self, points_m: Places, stamp_s: float, look: ScanLook, *, sliding: bool) -> ObstacleTrack:
         """Return the track associated with these points (k,), odom, removed from the list, or a new one."""
@@ -143,7 +149,7 @@ class MovingObstacles:
         nearest, nearest_m = None, MAX_MOVE_M
         for track in self._tracks:
             elapsed_s = stamp_s - track.seen_s
-            if elapsed_s > FORGOTTEN_S:  # a gap in the scans: tracks cannot be associated
+            if elapsed_s > FORGOTTEN_S + look.view.waits_s:  # a gap in the scans: tracks cannot be associated
                 continue
             off_m = abs(track.place_m + track.velocity_mps * elapsed_s - place_m)
             if off_m < min(nearest_m, MATCH_M + MAX_SPEED_MPS * elapsed_s):

@@ -23,6 +23,7 @@ from wallride.runtime.control.perception.view import PerceptionCache, View
 from wallride.runtime.control.safety.body import LOOK_SPARE_M, Body
 from wallride.runtime.control.safety.emergency import Emergency
 from wallride.runtime.control.safety.footprint import NOTHING, Contact
+from wallride.runtime.control.safety.lidar_reach import LidarReach
 from wallride.runtime.control.safety.moving_obstacles import MovingObstacles
 from wallride.runtime.control.safety.rear_memory import RearMemory
 from wallride.runtime.control.safety.steering_reversal import SteeringReversal
@@ -72,7 +73,7 @@ class SweptGuard:
     """Processes every scan once; the SweptAssessment that it returns judges drives until the next scan.
 
     clock: where given, the scan's age is measured at every judgement, else taken as it was when the scan arrived.
-    health: state of the lidar's window.
+    health: state of the lidar's window. reach: the speed that the lidar allows by its range, step and rate.
     memory: what the judgements of commands that were sent have left. assessment: the last one, None before the first
     scan. stuck_reason: reason reported for a car that cannot continue and has no way out; "" while it has one.
     """
@@ -91,6 +92,7 @@ class SweptGuard:
         self.body = Body(settings, car)
         self.clock = clock
         self.health = LidarHealth(health or LidarHealthSettings(), car.wheelbase_m, settings.doubtful_mps)
+        self.reach = LidarReach(self.body)
         self.scene_motion = SceneMotion(car.lidar_m)
         self.own_parts = OwnParts(car.lidar_m)
         self.behind = RearMemory(car.lidar_m)
@@ -114,6 +116,7 @@ class SweptGuard:
         self.learn()
         self.settings = settings
         self.body = Body(settings, self.car)
+        self.reach.tune(self.body)
         self.health.tune(health, settings.doubtful_mps)
         self._speed.tune(GRAVITY_MPS2, self.body.slippery_mps2)
 
@@ -146,6 +149,9 @@ class SweptGuard:
         ceiling_mps, window = self.health.ceiling_mps, self._window
         if window.forward_mps != ceiling_mps or window.reason != self.health.reason:
             window = self._window = Verdict(ceiling_mps, ceiling_mps, self.health.reason)
+        reach = self.reach.update(scan, self._eyes.rate)
+        if reach.forward_mps < window.forward_mps:
+            window = reach
         if self.visibility.on_lidar:
             window = ON_LIDAR
         self.assessment = SweptAssessment(self, view, speed_mps, strip, window, wary, self._slid_s)
@@ -163,8 +169,8 @@ class SweptGuard:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Faults of the lidar's window, in sentences for the user."""
-        return self.health.words
+        """Faults of the lidar's window, and what the lidar does not allow, in sentences for the user."""
+        return (*self.health.words, *self.reach.words)
 
     def remember(self, known: KnownParts | None) -> None:
         """Restore these own parts, and reset the state of the window."""
@@ -273,9 +279,10 @@ class SweptAssessment:
     def _ceiling(self, age_s: float) -> Verdict:
         """Return the limit that holds for every drive: by the scan's age and the window."""
         settings = self.guard.settings
-        if age_s > settings.stale_s:
+        waits_s = self.view.waits_s
+        if age_s > settings.stale_s + waits_s:
             return Verdict(0.0, 0.0, "the scan is too old", age_s)
-        if age_s <= settings.late_s or self.window.forward_mps < settings.doubtful_mps:
+        if age_s <= settings.late_s + waits_s or self.window.forward_mps < settings.doubtful_mps:
             return self.window
         return Verdict(settings.doubtful_mps, settings.doubtful_mps, "the scan is late", age_s)
 
@@ -323,7 +330,8 @@ class SweptAssessment:
 
     def _look_m(self, wanted_mps: float) -> float:
         """Return the look-ahead: never beyond the lidar's range, whatever speed is reported."""
-        return min(self.guard.body.look_m(max(self.speed_mps, wanted_mps)), self.view.scan.range_max_m)
+        look_m = self.guard.body.look_m(max(self.speed_mps, wanted_mps), self.view.waits_s)
+        return min(look_m, self.view.scan.range_max_m)
 
     def _is_needy(self, steering_rad: float) -> bool:
         """Return whether a bend leaves too little of a slippery floor's grip for the motor's full deceleration."""

@@ -36,7 +36,7 @@ FROM_M, WITHIN_M = 0.75, 5.0
 """Limits of the range. Nearer, six beams hit an object of 2 cm, of which three remain when any one is an outlier; of
 five, with the middle one an outlier, two. Farther, the beams are wider apart than a pole."""
 FORGOTTEN_S = 0.1
-"""Maximum gap between scans; after a longer one, returns cannot be associated with the same object."""
+"""Maximum gap between scans of 40 Hz; after a longer one, returns cannot be associated with the same object."""
 
 
 class ThinObstacles:
@@ -51,7 +51,7 @@ class ThinObstacles:
 
         So a pole hit by a single beam has the three points that an object needs.
         """
-        before = () if stamp_s - self._stamp_s > FORGOTTEN_S else self._before
+        before = () if stamp_s - self._stamp_s > FORGOTTEN_S + view.waits_s else self._before
         self._stamp_s = stamp_s
         thin_m, seen = find_thin_places(view, pose)
         self._before = (*before[2 - SCANS :], thin_m)

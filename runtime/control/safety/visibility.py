@@ -44,7 +44,8 @@ EXPECTED_WITHIN_M = 12.0
 EXPECTED_SHARE = 0.9
 """Share of the sensor's own range beyond which no echo is expected."""
 LATEST_S = 0.15
-"""Maximum time between two scans for which echoes are expected: after more, people have moved and odometry drifted."""
+"""Maximum time between two scans of 40 Hz for which echoes are expected: after more, people have moved and odometry
+drifted."""
 DOUBTED_SECTORS, SILENCED_SECTORS, BLIND_SECTORS, COVERED_SECTORS = 2, 5, 6, 12
 """Numbers of sectors missing at once that make the sectors between them doubted, or blind; the largest is a cover. Real
 halls lose up to 25 degrees at once, for a scan or two: dark walls seen at a grazing angle, panes."""
@@ -110,7 +111,7 @@ class Visibility:
         sectors, last, self._view = self._sectors, self._pose, view
         if not sectors.count:
             return
-        fresh = 0.0 <= scan.stamp_s - self._stamp_s <= LATEST_S
+        fresh = 0.0 <= scan.stamp_s - self._stamp_s <= LATEST_S + view.waits_s
         moved = cmath.rect(1.0, -last.yaw_rad) * complex(pose.x_m - last.x_m, pose.y_m - last.y_m)
         turned_rad = math.remainder(pose.yaw_rad - last.yaw_rad, math.tau)
         self._pose, self._stamp_s, held = pose, scan.stamp_s, self._held

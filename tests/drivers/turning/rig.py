@@ -15,7 +15,7 @@ from wallride.drivers.turning.driver import TurningLidar
 from wallride.drivers.ydlidar.driver import Ydlidar
 from wallride.drivers.ydlidar.settings import YdlidarSettings
 from wallride.sim.devices.rplidar import RplidarDevice
-from wallride.sim.devices.turning import TurningEmulator
+from wallride.sim.devices.turning import Rays, TurningEmulator
 from wallride.sim.devices.ydlidar import YdlidarDevice
 
 LIMIT_S = 20.0
@@ -30,9 +30,14 @@ def room_m(bearing_rad: Floats) -> Floats:
     return np.where(cos > WALL_M / ROUND_M, WALL_M / np.maximum(cos, 0.1), ROUND_M)
 
 
-def room_mm(bearing_rad: Floats) -> npt.NDArray[np.int64]:
-    """Return the same as the emulators want it."""
-    return np.rint(room_m(bearing_rad) * 1000).astype(np.int64)
+def room_mm(rays: Rays) -> npt.NDArray[np.int64]:
+    """Return the same as the emulators want it: the lengths of rays that begin anywhere near the middle."""
+    way = np.exp(1j * rays.bearing_rad)
+    along_m = (rays.start_m * way.conjugate()).real
+    round_m = np.sqrt(ROUND_M**2 - np.abs(rays.start_m) ** 2 + along_m**2) - along_m
+    wall_m = (WALL_M - rays.start_m.real) / np.maximum(way.real, 0.01)
+    mm: npt.NDArray[np.int64] = np.rint(np.minimum(round_m, wall_m) * 1000).astype(np.int64)
+    return mm
 
 
 class Rig:

@@ -1,0 +1,33 @@
+"""Emulated lidars by the words of the command line."""
+
+from collections.abc import Callable
+from typing import Final
+
+from wallride.sim.devices import rplidar, ydlidar
+from wallride.sim.devices.turning import TurningDevice
+
+HOKUYO: Final = "hokuyo"
+_DEVICES: Final[dict[str, tuple[str, Callable[[], TurningDevice]]]] = {
+    "rplidar": ("rplidar", lambda: rplidar.RplidarDevice(rplidar.A1)),
+    "ydlidar": ("ydlidar", lambda: ydlidar.YdlidarDevice(ydlidar.X4)),
+    "a1": ("rplidar", lambda: rplidar.RplidarDevice(rplidar.A1)),
+    "a2": ("rplidar", lambda: rplidar.RplidarDevice(rplidar.A2)),
+    "c1": ("rplidar", lambda: rplidar.RplidarDevice(rplidar.C1)),
+    "s2": ("rplidar", lambda: rplidar.RplidarDevice(rplidar.S2)),
+    "x4": ("ydlidar", lambda: ydlidar.YdlidarDevice(ydlidar.X4)),
+    "x2": ("ydlidar", lambda: ydlidar.YdlidarDevice(ydlidar.X2)),
+    "g4": ("ydlidar", lambda: ydlidar.YdlidarDevice(ydlidar.G4)),
+}
+
+
+def emulated(word: str) -> TurningDevice | None:
+    """Return the lidar of a word of KINDS, None for the Hokuyo, which has an emulator of its own."""
+    return None if word == HOKUYO else _DEVICES[word][1]()
+
+
+def assignments(word: str) -> list[str]:
+    """Return the settings that name the driver of a word of KINDS."""
+    if word == HOKUYO:
+        return []
+    driver = _DEVICES[word][0]
+    return [f"lidar.driver={driver}", *(["lidar.model=x2"] if word == "x2" else [])]

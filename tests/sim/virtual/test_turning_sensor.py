@@ -1,0 +1,65 @@
+"""Lidars of a full circle drive the simulated car through their own bytes, in virtual time."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wallride.sim.devices import lidar_kinds
+from wallride.sim.lab.laws import build
+from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
+from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.obstacles import Box, Obstacle, StandingObstacle
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.worlds import load_world
+from wallride.sim_options import LIDARS
+
+SLOW = ("a1", "a2", "c1", "s2", "x4", "x2", "g4")
+
+
+def drive_with(word: str, world: str, speed_mps: float, **conditions: Any) -> SimulatedRun:
+    follower, guard = build("ball", "left", 1.0, speed_mps)
+    conditions = {"duration_s": 14.0, "lidar": LidarSettings(noise_std_m=0.01, outlier_share=0.005), **conditions}
+    return drive(Case(load_world(world, side="left"), turning=word, **conditions), follower, guard)
+
+
+def mean_error_m(run: SimulatedRun) -> float:
+    return float(np.abs(run.error_m[np.isfinite(run.error_m)]).mean())
+
+
+def test_every_word_of_the_command_line_is_a_lidar():
+    for word in LIDARS:
+        assert (lidar_kinds.emulated(word) is None) == (word == "hokuyo")
+
+
+@pytest.mark.parametrize("word", SLOW)
+def test_each_follows_the_walls_of_the_loop(word):
+    run, usual = drive_with(word, "loop", 1.0), drive_with("", "loop", 1.0)
+    assert run.contact is None
+    assert run.distance_m > 0.9 * usual.distance_m
+    assert mean_error_m(run) < 2.0 * mean_error_m(usual)
+    assert not [stop for stop in run.stops if stop.from_s > 1.0]
+
+
+@pytest.mark.parametrize("word", ["a2", "x4"])
+def test_a_box_in_the_way_is_a_stop(word):
+    box = Obstacle(Box(0.3, 0.6), StandingObstacle(Pose(7.0, 0.0, 0.0)))
+    run = drive_with(word, "corridor", 1.5, obstacles=(box,))
+    assert run.contact is None
+    assert run.speed_mps[-1, 0] < 0.1
+
+
+@pytest.mark.parametrize("word", ["a2", "x4"])
+def test_missing_returns_are_driven_with(word):
+    run = drive_with(word, "corridor", 1.0, lidar=LidarSettings(noise_std_m=0.01, dropout_share=0.3))
+    assert run.contact is None
+    assert run.distance_m > 8.0
+
+
+@pytest.mark.parametrize(("word", "most_mps"), [("a2", 2.0), ("x4", 1.4)])
+def test_the_speed_is_what_the_lidar_allows(word, most_mps):
+    run = drive_with(word, "corridor", 4.0)
+    assert run.contact is None
+    assert run.speed_mps[:, 0].max() < 1.07 * most_mps
+    assert run.speed_mps[:, 0].max() > 0.85 * most_mps
+    assert any(reason.startswith("no faster with this lidar") for reason in run.reasons)
