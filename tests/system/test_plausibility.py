@@ -1,5 +1,6 @@
 """The whole car, and what it is told that cannot be: in virtual time in a world, and on real wires."""
 
+import math
 import time
 from pathlib import Path
 
@@ -8,8 +9,9 @@ import pytest
 from tests.promises import promise
 from tests.system.bench import STARTS_WITHIN_S, Bench, bench
 from wallride.drivers.vesc.codec import Packet
-from wallride.runtime.control.perception.plausibility import BACKWARDS
+from wallride.runtime.control.perception.plausibility import BACKWARDS, TURNED
 from wallride.sim.lab.stories import Story, tell
+from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.worlds import load_world
 
 BRAKE_WITHIN_S = 0.25
@@ -31,6 +33,19 @@ def test_a_car_with_two_phases_swapped_stands_after_half_a_metre_and_says_what_t
     assert 0.3 < max(backwards_m) < 0.9
     assert told.reasons[-1] == f"motor fault: {BACKWARDS}"
     assert abs(told.speed_mps[-1]) < 0.05
+
+
+@pytest.mark.parametrize("world", ["dead_end", "loop", "cluttered"])
+@pytest.mark.parametrize(("yaw_deg", "reason"), [(90, TURNED), (-60, TURNED), (180, f"motor fault: {BACKWARDS}")])
+def test_a_car_whose_lidar_is_turned_stands_after_half_a_metre_for_good(world, yaw_deg, reason):
+    """Also without an operator: no try brings it nearer to what it does not see."""
+    turned = LidarSettings(noise_std_m=0.02).model_copy(update={"mount_yaw_rad": math.radians(yaw_deg)})
+    start = load_world(world).start
+    told = tell(Story(world, 8.0, lambda _: [], speed_mps=1.0, lidar=turned, permit="always", backs_out=False))
+    assert told.reasons[-1] == reason
+    assert told.twin.contact_mps is None
+    if world != "dead_end" or yaw_deg != 180:  # in parallel walls, what is behind looks like what is ahead
+        assert math.hypot(told.pose[-1].x_m - start.x_m, told.pose[-1].y_m - start.y_m) < 0.6
 
 
 def test_a_car_whose_phases_are_right_is_not_held():

@@ -32,8 +32,6 @@ are grazed walls, whose lines belong to the bearing and not to the wall."""
 GATES_M = (0.3, 0.12, 0.06)
 """Maximum distance of a patch from its line, for each iteration."""
 ALONG_M = 0.4
-PARALLEL = 0.95
-"""Minimum cosine between the lines of two patches of one wall."""
 ENOUGH_PATCHES = 15
 NOISE_M = 0.012
 TURN_RAD = 0.05
@@ -109,11 +107,11 @@ def displacement(before: Patches, after: Patches, turn_rad: float) -> Displaceme
     flat = after.flat.nonzero()[0]
     if before.kind != after.kind or flat.size < ENOUGH_PATCHES:
         return None
-    points, normals, weights = after.middle_m[flat], after.normals[flat], after.weight[flat] / NOISE_M**2
+    points, weights = after.middle_m[flat], after.weight[flat] / NOISE_M**2
     shift_m, turned_rad = 0j, turn_rad
     information = np.zeros((3, 3))
     for gate_m in GATES_M:
-        pairs = _pair(before, points, normals, weights, (shift_m, turned_rad, gate_m))
+        pairs = _pair(before, points, weights, (shift_m, turned_rad, gate_m))
         if pairs is None:
             return None
         slopes, apart_m, weight = pairs
@@ -131,20 +129,18 @@ def displacement(before: Patches, after: Patches, turn_rad: float) -> Displaceme
 
 
 def _pair(
-    before: Patches, points: Places, normals: Places, weights: Floats, guess: tuple[complex, float, float]
+    before: Patches, points: Places, weights: Floats, guess: tuple[complex, float, float]
 ) -> tuple[Floats, Floats, Floats] | None:
     """Return slopes (3, n), distances from the lines (n,) and weights (n,) of the patches that fit; None: too few."""
     shift_m, turn_rad, gate_m = guess
-    turn = cmath.rect(1.0, turn_rad)
-    turned = points * turn
+    turned = points * cmath.rect(1.0, turn_rad)
     there = turned + shift_m
     first_rad, step_rad, _ = before.kind
     index = np.rint(np.mod(np.angle(there) - first_rad, math.tau) / step_rad).astype(np.intp)
     index[index >= before.flat.size] = 0
     normal = before.normals[index]
     apart = (there - before.middle_m[index]) * normal.conj()
-    parallel = np.abs((normals * normal.conj() * turn).real) > PARALLEL
-    near = before.flat[index] & parallel & (np.abs(apart.real) < gate_m) & (np.abs(apart.imag) < ALONG_M)
+    near = before.flat[index] & (np.abs(apart.real) < gate_m) & (np.abs(apart.imag) < ALONG_M)
     if np.count_nonzero(near) < ENOUGH_PATCHES:
         return None
     normal = normal[near]
