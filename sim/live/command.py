@@ -50,6 +50,7 @@ MAX_LAP_S = 180.0
 """Maximum duration of a lap, so that a standing car does not block a script."""
 FAILED = 1
 KILLED = 130
+BUSY = "busy"
 POSE_NUMBERS = 3
 
 
@@ -314,6 +315,9 @@ def _teller(console: Console) -> Callable[[Record], None]:
         if (notice := port_notice(record.address, record.listen)) not in told:
             console.print(notice, soft_wrap=True)
             told.append(notice)
+        if (busy := record.held_up.words) and BUSY not in told:
+            console.print(busy, soft_wrap=True)
+            told.append(BUSY)
         for line in (starting(record), operate_hint(record.address), f"in a browser: {address_in(record.page)}"):
             if line not in told and not line.endswith(": "):
                 console.print(f"[dim]{line}[/dim]", soft_wrap=True)

@@ -44,6 +44,7 @@ def summarize(record: Record, settings: Settings) -> dict[str, Any]:
         "scans_driven": status.get("scans") if status else None,
         "winners": {name: round(seconds, 2) for name, seconds in winners.items()} if status else None,
         "faults": device_faults(status) if status else None,
+        "held_up": record.held_up.words,
         "recording": _recording((status or {}).get("recording")),
     }
 
@@ -177,6 +178,7 @@ ROWS: Mapping[str, tuple[str, Words]] = {
     "scans_driven": ("scans answered", shown),
     "winners": ("who decided", _winners),
     "faults": ("device faults", _faults),
+    "held_up": ("this computer", str),
     "collided": ("touched something", shown),
     "contacts": ("contacts", lambda value: shown(value) if value else ""),
     "lap_times_s": ("lap times", _in("s")),

@@ -42,6 +42,7 @@ def emulate(options: argparse.Namespace, stop: StopRequest) -> int:
             options.vesc_timeout, options.vesc_brake,
         )  # fmt: skip
         car = EmulatedCar(scene, vehicle, conditions.wiring.wired(settings.motor), ports)
+        car.tell_held_up = lambda words: console.print(words, soft_wrap=True)
 
         def tell(addresses: DeviceAddresses) -> None:
             write_settings(file, addresses)

@@ -15,6 +15,7 @@ from wallride.sim.car.plant import Plant
 from wallride.sim.car.vehicle import Vehicle
 from wallride.sim.devices.scip import ScipEmulator
 from wallride.sim.devices.vesc import VescEmulator
+from wallride.sim.live.latency import HeldUp
 from wallride.sim.live.scenes import WorldScene
 from wallride.sim.live.session import AGAIN_S, STAMP_MS, STEP_S, SessionError
 from wallride.sim.live.stop_request import StopRequest
@@ -65,6 +66,8 @@ class EmulatedCar:
         self._wiring = wiring
         self._ports = ports
         self.lidars: list[ScipEmulator] = []
+        self.held_up = HeldUp()
+        self.tell_held_up: Callable[[str], object] = lambda _words: None
         self.vesc = VescEmulator(ports.folder / VESC, timeout_s=ports.timeout_s, timeout_brake_a=ports.brake_a)
 
     async def keep(self, duration_s: float, stop: StopRequest, tell: Callable[[DeviceAddresses], None]) -> None:
@@ -74,7 +77,7 @@ class EmulatedCar:
             addresses = await self._open(stack)
             plant = Plant(self._vehicle, self.vesc, self._wiring, begin_s)
             timer = PeriodicTimer(time.monotonic)
-            timer.every(STEP_S, lambda _late_s, _missed: self._step(plant, time.monotonic() - begin_s))
+            timer.every(STEP_S, lambda late_s, _missed: self._step(plant, time.monotonic() - begin_s, late_s))
             timer.every(AGAIN_S, lambda _late_s, _missed: plant.put_back(start))
             going_on = asyncio.create_task(timer.run(), name="world")
             tell(addresses)
@@ -108,7 +111,9 @@ class EmulatedCar:
         self.lidars.append(lidar)
         return lidar
 
-    def _step(self, plant: Plant, time_s: float) -> None:
+    def _step(self, plant: Plant, time_s: float, late_s: float) -> None:
+        if self.held_up.note(late_s):
+            self.tell_held_up(self.held_up.words)
         plant.advance(time.monotonic())
         if self._scene.step(time_s, self._vehicle):
             plant.crash()

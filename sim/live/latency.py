@@ -1,13 +1,21 @@
-"""Scan-to-motor latency, measured outside the runtime: last byte of a scan written -> next motor command read."""
+"""Scan-to-motor latency, measured outside the runtime: last byte of a scan written -> next motor command read.
+
+And how often this computer kept the emulated devices themselves from running.
+"""
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
+
+from wallride.runtime.telemetry.screen_words import times
 
 SHORTEST_S, LONGEST_S = 1e-6, 100.0
 RESOLUTION = 0.001
 """Relative."""
+MISSED_S = 0.15
+"""Delay of a step of the emulated devices from which on a car may miss them: a motor controller's own timeout."""
 
 
 class LatencyProbe:
@@ -47,3 +55,28 @@ class LatencyProbe:
             "p99_9": round(float(p99_9), 3),
             "max": round(self._max_s * 1000, 3),
         }
+
+
+@dataclass(slots=True)
+class HeldUp:
+    """How often and how long this computer kept the emulated devices from running: then a car takes them for lost."""
+
+    count: int = 0
+    longest_s: float = 0.0
+
+    def note(self, late_s: float) -> bool:
+        """Take how late a step of the devices was; True where a car may have missed them."""
+        is_missed = late_s >= MISSED_S
+        self.count += is_missed
+        self.longest_s = max(self.longest_s, late_s)
+        return is_missed
+
+    @property
+    def words(self) -> str:
+        """Return what it means, "" where nothing was held up for long."""
+        if not self.count:
+            return ""
+        return (
+            f"this computer is too busy to be a car: it held the emulated devices up {times(self.count)}, for up to"
+            f" {self.longest_s:.2f} s; a device that the car lost then was there"
+        )

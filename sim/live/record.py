@@ -13,7 +13,7 @@ from wallride.runtime.host.address_file import Address
 from wallride.runtime.parameters.history import SettingChange
 from wallride.sim.devices.vesc import MotorDemand
 from wallride.sim.figures.summary import DriveSums, Sample
-from wallride.sim.live.latency import LatencyProbe
+from wallride.sim.live.latency import HeldUp, LatencyProbe
 
 DISTANCE = "wall_follow.desired_distance_m"
 MAX_TRACK = 20_000
@@ -50,6 +50,7 @@ class Record:
     began_unix_s: when time_s was 0, since 1970. began_s: the same moment on the monotonic clock.
     changes: the settings that were changed while it drove.
     stop_command: the last motor command it ever wrote.
+    held_up: how long this computer kept the emulated devices from running.
     cpu_s: processor time of the runtime up to the end of the drive; NaN where the system does not tell.
     log, page: what the runtime, and the monitor beside it, printed.
     """
@@ -61,6 +62,7 @@ class Record:
     scans: int = 0
     steering_rad: list[float] | None = None
     latency: LatencyProbe = field(default_factory=LatencyProbe)
+    held_up: HeldUp = field(default_factory=HeldUp)
     ranges_mm: npt.NDArray[np.integer] | None = None
     time_s: float = 0.0
     began_unix_s: float = 0.0

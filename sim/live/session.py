@@ -275,7 +275,8 @@ class SimulatorSession:
         begin_s = record.began_s = time.monotonic()
         record.began_unix_s = time.time()
 
-        def step(_late_s: float, _missed: int) -> None:
+        def step(late_s: float, _missed: int) -> None:
+            record.held_up.note(late_s)
             now_s = time.monotonic()
             plant.advance(now_s)
             record.time_s = now_s - begin_s

@@ -1,12 +1,15 @@
 """The summary in the terminal is for people; its JSON file has all digits."""
 
+import asyncio
 import io
 import math
 import pickle
+import time
 
 import pytest
 from rich.console import Console
 
+from tests.sim.live.emulated import car, running
 from wallride.runtime.parameters.history import SettingChange
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.figures.summary import Sample
@@ -138,3 +141,30 @@ def test_a_thinned_track_keeps_its_beginning_and_even_steps():
     times = [sample.time_s for sample in track.samples]
     assert times == [4.0 * k for k in range(len(times))]
     assert len(times) > MAX_TRACK // 2
+
+
+def test_a_computer_too_busy_to_be_a_car_is_named_and_not_the_car_blamed():
+    record = Record(1.0)
+    for late_s in (0.001, 0.02, 0.149):
+        assert not record.held_up.note(late_s)
+    assert drive_summary.summarize(record, Settings())["held_up"] == ""
+    assert record.held_up.note(0.31)
+    assert record.held_up.note(0.2)
+    assert drive_summary.summarize(record, Settings())["held_up"] == (
+        "this computer is too busy to be a car: it held the emulated devices up 2 times, for up to 0.31 s;"
+        " a device that the car lost then was there"
+    )
+    assert "too busy to be a car" in printed({"world": "loop", "held_up": record.held_up.words})
+
+
+async def test_emulate_tells_it_while_the_car_drives(tmp_path):
+    said: list[str] = []
+    one = car(tmp_path)
+    one.tell_held_up = said.append
+    async with running(one):
+        await asyncio.sleep(0.1)
+        time.sleep(0.4)  # what a computer with other work does to a process
+        async with asyncio.timeout(10):
+            while not said:
+                await asyncio.sleep(0.01)
+    assert said[0].startswith("this computer is too busy to be a car")
