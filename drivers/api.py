@@ -27,6 +27,14 @@ def as_wanted(wanted_s: float, _slack_s: float) -> float:
     return wanted_s
 
 
+class Returns(Protocol):
+    """What a sensor said of the beams of a scan that have no distance; asked off the hot path, for ROS."""
+
+    def marked_m(self) -> npt.NDArray[np.float32]:
+        """Return the ranges as REP 117 has them, shape (n,): +inf where nothing came back, -inf too near, NaN else."""
+        ...
+
+
 @value(eq=False)
 class Scan:
     """One lidar revolution in the lidar frame (x forward, y left, angles counter-clockwise, REP-103).
@@ -37,6 +45,9 @@ class Scan:
     ranges_m: shape (n,), float32, read-only; NaN where the beam gave no usable distance (no echo, error code, too near,
         too far). NaN is "no information": it is neither an obstacle nor free space.
     sequence: counts the scans of this driver from 0, gaps included.
+    ray_s: time from one beam of the array to the next, negative where the array runs against the sensor's turn; 0.0:
+        all beams are as seen at stamp_s.
+    returns: what the sensor said of beams without a distance, None where it is not known. No law reads it.
     """
 
     stamp_s: float
@@ -47,6 +58,8 @@ class Scan:
     range_max_m: float
     ranges_m: npt.NDArray[np.float32]
     sequence: int
+    ray_s: float = 0.0
+    returns: Returns | None = None
 
 
 @value()

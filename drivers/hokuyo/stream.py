@@ -71,6 +71,8 @@ class ScanStream:
         )
         self._angle_step_rad = parameters.angle_step_rad
         upside_down = settings.mounted_upside_down
+        ray_s = 1 / parameters.rate_hz / parameters.steps_per_turn
+        self._ray_s = -ray_s if upside_down else ray_s
         edge_rad = parameters.angle_rad(parameters.last_step if upside_down else parameters.first_step)
         self._angle_min_rad = (-edge_rad if upside_down else edge_rad) + settings.yaw_rad
         self._range_min_m = parameters.range_min_mm / 1000
@@ -140,6 +142,8 @@ class ScanStream:
                 range_max_m=self._range_max_m,
                 ranges_m=ranges_m,
                 sequence=sequence,
+                ray_s=self._ray_s,
+                returns=self._decoder.returns(block.lines[1]),
             )
         )
 

@@ -9,12 +9,15 @@ from wallride.runtime.wire.rmw_zenoh import LATCHED, RosAccess, RosGraph, RosTop
 
 TF_ODOM = "tf_odom"
 """Telemetry's name for odom to base_link alone, ROS 2's /tf: beside it /tf_static has base_link to laser."""
+SCAN_BY_BEAM = "scan_by_beam"
+"""Telemetry's name for ROS 2's /scan: with the time of each beam, and what came back from those without a distance."""
 TF_STATIC = RosTopic("tf_static", TYPES[topics.TF], LATCHED)
 """laser in base_link: published once, and kept for late subscribers."""
 
 PUBLISHED: Mapping[str, RosTopic] = MappingProxyType(
     {
-        **{topic: RosTopic(topic, schema) for topic, schema in TYPES.items() if topic != topics.TF},
+        SCAN_BY_BEAM: RosTopic(topics.SCAN, TYPES[topics.SCAN]),
+        **{topic: RosTopic(topic, schema) for topic, schema in TYPES.items() if topic not in {topics.TF, topics.SCAN}},
         TF_ODOM: RosTopic("tf", TYPES[topics.TF]),
     }
 )

@@ -63,8 +63,7 @@ def split_time(stamp_ns: int) -> tuple[int, int]:
 def laser_scan(stamp_ns: int, scan: Scan, scan_time_s: float) -> bytes:
     """Return sensor_msgs/LaserScan; NaN where a beam has no distance, no intensities.
 
-    All beams carry the time of the sweep's last byte (time_increment 0): the sensor does not report the time of each
-    beam.
+    All beams carry the time of the sweep's last byte (time_increment 0), by which the laws and the replay count.
     """
     beams = scan.ranges_m.shape[0]
     last_rad = scan.angle_min_rad + scan.angle_step_rad * (beams - 1)
@@ -73,6 +72,24 @@ def laser_scan(stamp_ns: int, scan: Scan, scan_time_s: float) -> bytes:
         0.0, scan_time_s, scan.range_min_m, scan.range_max_m, beams,
     )  # fmt: skip
     return head + np.ascontiguousarray(scan.ranges_m, "<f4").tobytes() + NO_NUMBERS
+
+
+def ros_laser_scan(stamp_ns: int, scan: Scan, scan_time_s: float) -> bytes:
+    """Return sensor_msgs/LaserScan as programs of ROS read it: REP 117, and the time of each beam.
+
+    The stamp is that of the first beam in the array, counted back from the sweep's last byte, and time_increment the
+    time to the next, negative for a sensor that is mounted upside down. A beam from which nothing came back is +inf, by
+    which maps are cleared, one that is too near -inf; a fault of the measurement is NaN.
+    """
+    beams = scan.ranges_m.shape[0]
+    first_ns = stamp_ns - round((beams - 1) * max(scan.ray_s, 0.0) * NS)
+    ranges_m = scan.ranges_m if scan.returns is None else scan.returns.marked_m()
+    last_rad = scan.angle_min_rad + scan.angle_step_rad * (beams - 1)
+    head = _SCAN.fill(
+        *split_time(first_ns), scan.angle_min_rad, last_rad, scan.angle_step_rad,
+        scan.ray_s, scan_time_s, scan.range_min_m, scan.range_max_m, beams,
+    )  # fmt: skip
+    return head + np.ascontiguousarray(ranges_m, "<f4").tobytes() + NO_NUMBERS
 
 
 def odometry(stamp_ns: int, x_m: float, y_m: float, yaw_rad: float, speed_mps: float, yaw_rate_radps: float) -> bytes:

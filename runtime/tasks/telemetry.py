@@ -22,7 +22,7 @@ from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.host.side_work import SideWork
 from wallride.runtime.realtime.wall_clock import WallClock
 from wallride.runtime.ros.definitions import TYPES
-from wallride.runtime.ros.graph import TF_ODOM
+from wallride.runtime.ros.graph import SCAN_BY_BEAM, TF_ODOM
 from wallride.runtime.ros.messages import Floats
 from wallride.runtime.telemetry import status as car_status
 from wallride.runtime.telemetry.sinks import Sink
@@ -30,7 +30,7 @@ from wallride.runtime.telemetry.status import ObservedState
 from wallride.runtime.telemetry.topic_writers import Message, Newest, TopicWriters, Vector
 from wallride.runtime.wire import topics
 
-BY_SCAN = (topics.SCAN,)
+BY_SCAN = (topics.SCAN, SCAN_BY_BEAM)
 BY_GUIDANCE = (topics.WALL,)
 BY_MOTOR = (topics.ODOM, topics.TF, TF_ODOM, topics.MOTOR, topics.BATTERY)
 BY_OUTPUT = (

@@ -6,7 +6,7 @@ from typing import Protocol
 
 from wallride.runtime.realtime.wall_clock import WallClock
 from wallride.runtime.ros import messages
-from wallride.runtime.ros.graph import DRIVE, PUBLISHED, TF_ODOM, TF_STATIC
+from wallride.runtime.ros.graph import DRIVE, PUBLISHED, SCAN_BY_BEAM, TF_ODOM, TF_STATIC
 from wallride.runtime.ros.messages import Frame
 from wallride.runtime.settings.telemetry import RatesHz
 from wallride.runtime.telemetry.sinks import TopicGate
@@ -74,7 +74,7 @@ class Ros2Sink:
     def limit(self, rates: RatesHz) -> None:
         """Apply other rates from now on."""
         rates_hz: dict[str, float] = rates.model_dump()
-        rates_hz[TF_ODOM] = rates.tf
+        rates_hz |= {TF_ODOM: rates.tf, SCAN_BY_BEAM: rates.scan}
         self._gate.limit({topic: rates_hz[topic] for topic in PUBLISHED})
 
     def claim(self, topic: str, at_s: float, *, urgent: bool = False) -> bool:

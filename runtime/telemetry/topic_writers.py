@@ -12,7 +12,7 @@ from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.realtime.wall_clock import WallClock
 from wallride.runtime.ros import markers, messages
-from wallride.runtime.ros.graph import TF_ODOM
+from wallride.runtime.ros.graph import SCAN_BY_BEAM, TF_ODOM
 from wallride.runtime.ros.messages import DiagnosticStatus, Floats, Frame
 from wallride.runtime.telemetry import marker_writers
 from wallride.runtime.telemetry import status as car_status
@@ -69,6 +69,7 @@ class TopicWriters:
         self._laser = laser_frame(car)
         self._writers: Mapping[str, Callable[[], Message | None]] = {
             topics.SCAN: self._scan,
+            SCAN_BY_BEAM: self._scan_by_beam,
             topics.WALL: self._wall,
             topics.FOOTPRINT: self._footprint,
             topics.SAFETY: self._safety,
@@ -113,6 +114,12 @@ class TopicWriters:
         if scan is None:
             return None
         return scan.stamp_s, messages.laser_scan(self.unix_ns(scan.stamp_s), scan, self._newest.scan_period_s)
+
+    def _scan_by_beam(self) -> Message | None:
+        scan = self._newest.scan
+        if scan is None:
+            return None
+        return scan.stamp_s, messages.ros_laser_scan(self.unix_ns(scan.stamp_s), scan, self._newest.scan_period_s)
 
     def _wall(self) -> Message | None:
         if self._newest.guided is None:

@@ -8,7 +8,7 @@ from wallride.clients.plot import FIELDS
 from wallride.runtime.recording.recorder import PERIODS_S
 from wallride.runtime.ros.definitions import TYPES
 from wallride.runtime.ros.graph import PUBLISHED as ROS2_PUBLISHED
-from wallride.runtime.ros.graph import TF_ODOM
+from wallride.runtime.ros.graph import SCAN_BY_BEAM, TF_ODOM
 from wallride.runtime.settings.telemetry import RatesHz
 from wallride.runtime.tasks import telemetry
 from wallride.runtime.wire import topics
@@ -16,7 +16,10 @@ from wallride.runtime.wire import topics
 PUBLISHED = {*TYPES, *topics.JSON_TOPICS}
 APPENDED = {topics.OUTPUT, topics.DISTANCE_ERROR, topics.IMU}
 """Every message of these is sent: `Telemetry` appends them to `_each`."""
-SENT = {*telemetry.BY_SCAN, *telemetry.BY_GUIDANCE, *telemetry.BY_MOTOR, *telemetry.BY_OUTPUT, *APPENDED} - {TF_ODOM}
+SENT = {*telemetry.BY_SCAN, *telemetry.BY_GUIDANCE, *telemetry.BY_MOTOR, *telemetry.BY_OUTPUT, *APPENDED} - {
+    TF_ODOM,
+    SCAN_BY_BEAM,
+}
 WITHOUT_NUMBER = {topics.SCAN, topics.TF, topics.WALL, topics.FOOTPRINT, topics.DIAGNOSTICS}
 """Topics that have no one number to plot."""
 LISTS = {
@@ -29,7 +32,9 @@ LISTS = {
     "FIELDS in clients/plot.py (or WITHOUT_NUMBER of this test)": (
         set(FIELDS) | WITHOUT_NUMBER, PUBLISHED | {topics.BEAT},
     ),
-    "PUBLISHED in runtime/ros/graph.py": (set(ROS2_PUBLISHED), {*TYPES, TF_ODOM} - {topics.TF}),
+    "PUBLISHED in runtime/ros/graph.py": (
+        set(ROS2_PUBLISHED), {*TYPES, TF_ODOM, SCAN_BY_BEAM} - {topics.TF, topics.SCAN},
+    ),
     "SAMPLES in tests/runtime/ros/samples.py": (set(SAMPLES), set(TYPES)),
 }  # fmt: skip
 

@@ -11,7 +11,7 @@ from zenoh import ext
 
 from tests.system.operated import operated
 from tests.system.test_attacks import PEOPLE, keys, tls  # noqa: F401 - keys is a fixture
-from wallride.runtime.ros.graph import PUBLISHED, TF_ODOM, TF_STATIC, access
+from wallride.runtime.ros.graph import PUBLISHED, SCAN_BY_BEAM, TF_ODOM, TF_STATIC, access
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.car_bus import CarBus
 from wallride.runtime.wire.network import CDR
@@ -26,7 +26,7 @@ DOMAIN = 7
 AT_REST_G = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, *(0.0,) * 10)
 """What a sensor in the motor controller answers: rad, g, deg/s ..."""
 GRAPH = RosGraph(DOMAIN, Distro.JAZZY, "wallride_car1")
-SCAN_KEY, STATIC_KEY = GRAPH.data_key(PUBLISHED["scan"]), GRAPH.data_key(TF_STATIC)
+SCAN_KEY, STATIC_KEY = GRAPH.data_key(PUBLISHED[SCAN_BY_BEAM]), GRAPH.data_key(TF_STATIC)
 NOTE = attachment(1, 1, bytes(16))
 
 
@@ -63,8 +63,12 @@ def assert_attachments(each):
     assert set(sizes) == {33}
     assert list(sequences) == sorted(set(sequences))
     assert len(set(gids)) == 1
-    headers = [message["header"]["stamp"] for message in each["messages"] if "header" in message]
-    assert not headers or stamps_ns[0] == headers[0]["sec"] * 10**9 + headers[0]["nanosec"]
+    first = each["messages"][0]
+    if stamp := first.get("header", {}).get("stamp"):
+        sweep_s = first["time_increment"] * (first["ranges"]["size"] - 1) if "ranges" in first else 0.0
+        assert sweep_s == pytest.approx(0.01875 if "ranges" in first else 0.0), "of 270 degrees at 40 Hz"
+        header_ns = stamp["sec"] * 10**9 + stamp["nanosec"]
+        assert stamps_ns[0] - header_ns == pytest.approx(1e9 * sweep_s, abs=5000)
 
 
 def assert_contents(first):

@@ -39,7 +39,7 @@ EVERY_HZ: Final = 200.0
 """The rate setting that means "every one"."""
 
 MEANINGS: Final[Mapping[str, str]] = {
-    topics.SCAN: "the lidar's ranges, frame `laser`; a beam without a return is NaN",
+    topics.SCAN: "the lidar's ranges, frame `laser`; a beam without a return is NaN (+Inf or -Inf on ROS 2's /scan)",
     topics.ODOM: "pose in `odom` and speed of the rear axle, from wheel speed and steering",
     topics.TF: "the transforms `odom` to `base_link` and `base_link` to `laser`",
     topics.MOTOR: "joint `drive`: way, speed, motor current; joint `steering`: the commanded angle",

@@ -88,3 +88,19 @@ def test_numbers_of_two_three_and_four_characters() -> None:
     np.testing.assert_equal(decode_numbers(b"CB", chars=2), [1234])
     np.testing.assert_equal(decode_numbers(b"1Dh0?X", chars=3), [5432, 1000])
     np.testing.assert_equal(decode_numbers(b"m2@0", chars=4), [16000000])
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_for_ros_a_beam_that_nothing_came_back_from_is_not_one_with_a_fault(reverse: bool) -> None:
+    """REP 117: maps are cleared by +inf, so that an error code must never be one."""
+    inf, nan = np.inf, np.nan
+    values = {0: nan, 1: nan, 19: nan, 20: -inf, 59: -inf, 60: 0.06, 30000: 30.0, 30001: inf, 65533: inf, 65534: nan,
+              65535: nan, 262143: nan}  # fmt: skip
+    decoder = RangeDecoder(len(values), 60, 30000, reverse=reverse)
+    samples = encode_samples(np.array(list(values)), 3)
+    expected = np.array(list(values.values()), np.float32)
+    expected = expected[::-1] if reverse else expected
+    np.testing.assert_array_equal(decoder.returns(samples).marked_m(), expected)
+    decoded = decoder.decode(samples)
+    assert decoded is not None
+    np.testing.assert_array_equal(decoded, np.where(np.isfinite(expected), expected, np.float32(nan)))

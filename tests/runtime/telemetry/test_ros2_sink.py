@@ -4,7 +4,7 @@ import pytest
 
 from wallride.runtime.realtime.wall_clock import WallClock
 from wallride.runtime.ros.definitions import TYPES
-from wallride.runtime.ros.graph import PUBLISHED, TF_ODOM, TF_STATIC
+from wallride.runtime.ros.graph import PUBLISHED, SCAN_BY_BEAM, TF_ODOM, TF_STATIC
 from wallride.runtime.ros.messages import Frame
 from wallride.runtime.settings.telemetry import RatesHz
 from wallride.runtime.telemetry.ros2_sink import Ros2Sink
@@ -72,8 +72,8 @@ def test_the_node_and_all_publishers_are_announced_once_the_session_is_open():
 def test_what_has_no_subscriber_is_not_claimed_and_so_not_written():
     bus, sink = joined()
     assert not any(sink.claim(topic, 1.0) for topic in PUBLISHED)
-    bus.wishes.add(key_of(topics.SCAN))
-    assert [topic for topic in PUBLISHED if sink.claim(topic, 2.0)] == [topics.SCAN]
+    bus.wishes.add(key_of(SCAN_BY_BEAM))
+    assert [topic for topic in PUBLISHED if sink.claim(topic, 2.0)] == [SCAN_BY_BEAM]
 
 
 def test_native_topics_that_ros_2_does_not_have_are_never_claimed():
