@@ -1,5 +1,6 @@
 """The tables of bytes are those of the code, and a program in another language gets by with them."""
 
+import json
 import math
 import shutil
 import struct
@@ -8,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from wallride.reference.wire import BEAT_FIELDS, COMMAND_FIELDS, layout
+from wallride.reference.wire import BEAT_FIELDS, COMMAND_FIELDS, REQUESTS, _answers, layout
+from wallride.runtime.recording import requests
 from wallride.runtime.wire.teleop import Beat, CarCondition, Command, Input, Press, read_command
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "teleop_bytes.mjs"
@@ -37,3 +39,16 @@ def test_a_program_in_javascript_answers_a_beat_with_a_command():
     assert (command.car_session, command.beat, command.flags, command.name) == (0xCAFE, 12, Press.MANUAL, "node")
     assert (command.speed_mps, command.steering_rad) == (1.5, -0.25)
     assert math.isclose(command.session, 7)
+
+
+def test_every_request_has_an_answer_that_a_car_gave_with_nothing_of_this_computer_in_it():
+    answers = _answers()
+    assert set(answers) == set(REQUESTS)
+    for key, answer in answers.items():
+        assert "/tmp" not in answer
+        if key != requests.GET:
+            assert isinstance(json.loads(answer), dict)
+    assert json.loads(answers["param/save"])["saved"] == ["wall_follow.kp"]
+    assert json.loads(answers["param/configure"])["after_restart"]
+    assert json.loads(answers[requests.RECORD])["on"] is False
+    assert json.loads(answers[requests.TRIM])["deleted"] == [json.loads(answers[requests.LIST])["files"][0]["name"]]

@@ -1,19 +1,31 @@
 """The parts of the topics' page for programs in other languages: requests with their answers, and messages by bytes."""
 
+import asyncio
 import json
+import tempfile
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from struct import calcsize
 from typing import Any, Final
 
 from wallride.runtime.parameters import requests as of_parameters
 from wallride.runtime.parameters.history import ChangeHistory
 from wallride.runtime.parameters.server import ParameterServer, ServerContext
+from wallride.runtime.realtime.wall_clock import WallClock
 from wallride.runtime.recording import requests as of_recordings
+from wallride.runtime.recording.disk import RealDisk
+from wallride.runtime.recording.mcap_file import McapFile
+from wallride.runtime.recording.recorder import Recorder
+from wallride.runtime.settings.recording import RecordingSettings
 from wallride.runtime.settings.tree import Settings
+from wallride.runtime.tasks.recorder import Library
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.requests import Request
 
 Field = tuple[str, str, str]
+EXAMPLE_FOLDER: Final = "/var/lib/wallride"
+EXAMPLE_NAME: Final = "20261121T084600Z-b0007-00042.mcap"
+GET_BYTES: Final = of_recordings.MAX_PIECE_B
 COMMAND_FIELDS: Final[Sequence[Field]] = (
     ("magic", "4s", '"WRC1": the version is in it'),
     ("session", "Q", "random for each start of the client, not 0"),
@@ -104,8 +116,18 @@ def _plain(schema: Any) -> Any:  # noqa: ANN401 - JSON
 
 
 def _answers() -> dict[str, str]:
-    """Return answers of a car's own parameter server."""
-    car = ServerContext(lambda _settings, _names: None, lambda: True, lambda: 12.5, lambda: "2026-01-31 12:00:00")
+    """Return answers of a car's own servers, which are asked here; paths and sizes are those of an example."""
+    with tempfile.TemporaryDirectory(prefix="wallride-") as folder:
+        made = {**asyncio.run(_of_parameters(Path(folder))), **asyncio.run(_of_recordings(Path(folder)))}
+    return {key: answer.replace(folder, EXAMPLE_FOLDER) for key, answer in made.items()}
+
+
+async def _of_parameters(folder: Path) -> dict[str, str]:
+    file = folder / "car.toml"
+    file.write_text("", encoding="utf-8")
+    car = ServerContext(
+        lambda _settings, _names: None, lambda: True, lambda: 12.5, lambda: "2026-01-31 12:00:00", file
+    )  # fmt: skip
     server = ParameterServer(Settings(), car, ChangeHistory(1))
     asked = {
         "list": (server.list_all, {"under": _KP}),
@@ -113,6 +135,25 @@ def _answers() -> dict[str, str]:
         "set": (server.set_some, {"values": {_KP: 10.0}, "by": "ann"}),
         "history": (server.past, {"most": 1}),
     }
-    return {
-        f"{topics.PARAM}/{what}": ask(json.dumps(question).encode()).decode() for what, (ask, question) in asked.items()
+    made = {what: ask(json.dumps(question).encode()).decode() for what, (ask, question) in asked.items()}
+    made["save"] = (await server.save(b'{"by": "ann"}')).decode()
+    wish = json.dumps({"values": {"recording.raw": True}, "by": "ann"}).encode()
+    made["configure"] = (await server.configure(wish)).decode()
+    return {f"{topics.PARAM}/{what}": answer for what, answer in made.items()}
+
+
+async def _of_recordings(folder: Path) -> dict[str, str]:
+    zero = WallClock(lambda: 0.0, lambda: 0)
+    settings = RecordingSettings(folder=str(folder), keep_free_mb=0)
+    recorder = Recorder(settings, car="car1", version="0.1.0", wall_clock=zero, clock=lambda: 12.5)
+    recorder.folder.mkdir(parents=True, exist_ok=True)
+    McapFile(recorder.folder / EXAMPLE_NAME, RealDisk(), {}, "wallride").close()
+    library = Library(recorder)
+    listed = json.loads(await library.list_all(b"{}"))
+    listed["files"][0] |= {"size_bytes": 3_500_000, "duration_s": 60.0}
+    answers = {
+        of_recordings.RECORD: (await library.record(b"{}")).decode(),
+        of_recordings.LIST: json.dumps(listed, separators=(",", ":")),
+        of_recordings.TRIM: (await library.trim(b'{"keep_mb": 0}')).decode(),
     }
+    return {**answers, of_recordings.GET: f"at most {GET_BYTES} bytes of the file as they are, none behind its end"}
