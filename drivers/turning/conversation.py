@@ -47,7 +47,7 @@ class LidarTalk:
     async def ask(self, command: bytes, *kinds: int, timeout_s: float = REPLY_TIMEOUT_S) -> Reply:
         """Send a command and return the reply of one of these types. LinkLost, with what was heard, if none comes."""
         self._deframer.reset()
-        self._rest, self._kinds = [], kinds
+        self._heard, self._rest, self._kinds = b"", [], kinds
         self._answer = asyncio.get_running_loop().create_future()
         asked_s = self.link.clock()
         try:

@@ -23,6 +23,19 @@ COVERED_SHARE: Final = 0.5
 _POLL_S: Final = 0.02
 
 REMEDIES: Final = (
+    ("does not start measuring", "use a USB hub with a supply: the motor takes up to 1 A when it starts"),
+    ("only zero bytes", "use a USB hub with a supply, and a short cable; then another adapter"),
+    ("packets of a YDLIDAR", 'set lidar.driver = "ydlidar"; of an X2 or X4 Pro also lidar.model'),
+    ("as a Hokuyo sends it", 'set lidar.driver = "hokuyo"'),
+    ("nothing came", "check its supply (5 V, 1 A when its motor starts) and cable; take ?baud= out of lidar.address"),
+    ("stray bytes", "check its supply (5 V, 1 A when its motor starts); take ?baud= out of lidar.address"),
+    ("other bytes came", "look what is on this port; unplug the device for a moment and try again"),
+    ("something else came", "end the other program that uses this port, and unplug the device for a moment"),
+    ("no scan packet", "name its model in lidar.model, check its supply: these models never answer"),
+    ("reset does not clear", "free its head and unplug it for a moment; if it comes back, have it repaired"),
+    ("no whole turn", "free its head; check the small cable of its motor, and its supply"),
+    ("too few samples", 'set lidar.mode = "typical", or slow its head down'),
+    ("unknown model", "name a model like it in lidar.model"),
     ("refused", "end the other program that is connected (a sensor serves only one), and check the port"),
     ("closed it", "end the other program that is connected (a sensor serves only one)"),
     ("reset", "end the other program that is connected, or switch the sensor off and on"),
@@ -53,15 +66,19 @@ async def look_at_lidar(settings: AnyLidarSettings, *, patience_s: float = PATIE
     report = LidarReport(driver.health)
     running = asyncio.create_task(driver.run(report.scans.append))
     give_up_s = time.monotonic() + patience_s
-    failed = False
+    failed, trouble = False, ""
     try:
         while len(report.scans) < WANTED_SCANS and time.monotonic() < give_up_s and not running.done():
             if not failed and driver.health.counts.get("reconnect"):
                 failed = True
                 give_up_s = min(give_up_s, time.monotonic() + AGAIN_S)
+            if driver.health.link in {LinkState.ABSENT, LinkState.FAULTY}:
+                trouble = driver.health.message
             await asyncio.sleep(_POLL_S)
     finally:
         report.health = Health(**{name: getattr(driver.health, name) for name in Health.__slots__})
+        if report.health.link is LinkState.STARTING and not report.scans:
+            report.health.message = trouble or report.health.message  # it is being tried again
         for error in await end(running):
             raise error
     return report
@@ -77,6 +94,18 @@ def judge_lidar(report: LidarReport) -> list[Finding]:
     found = [ok("lidar", f"{health.identity}; {health.message}")]
     if "says of itself" in health.message:
         found = [warn("lidar", f"{health.identity}; {health.message}", "switch it off and on; wipe its window")]
+    if "its head turns at" in health.message:
+        found.append(
+            warn("lidar motor", health.message, "use a USB hub with a supply; take what touches its head away")
+        )
+    if faults := [what for what in health.counts if what.startswith("error 0x")]:
+        found.append(
+            warn(
+                "lidar condition",
+                f"it reported {', '.join(faults)}",
+                "if it comes back, have its motor and laser checked",
+            )
+        )
     if bad := {what: count for what, count in health.counts.items() if what == "checksum"}:
         found.append(
             warn("lidar line", f"{bad['checksum']} damaged replies", "check the cable, keep it away from the motor's")

@@ -7,6 +7,7 @@ from typing import Final
 from wallride.doctor.computer import Computer, read
 from wallride.doctor.findings import Finding, fail, ok, warn
 from wallride.drivers.address import SerialAddress, parse_address
+from wallride.runtime.settings.devices import DEFAULT_LIDAR
 from wallride.runtime.settings.tree import Settings
 
 RULES: Final = "/etc/udev/rules.d/99-wallride.rules"
@@ -15,6 +16,8 @@ PSEUDO: Final = "/dev/pts/"
 """Pseudo-terminals belong to an emulated device, whose process has both of its ends open."""
 KNOWN: Final = {"lidar": ("15d1", None), "motor": ("0483", "5740")}
 """USB vendor and product of the devices for which the udev rules have names."""
+NAMES: Final = {"lidar": "lidar", "motor": "vesc"}
+BY_ID: Final = "use its name that stays: serial:///dev/serial/by-id/... (ls /dev/serial/by-id)"
 PARENTS: Final = 4
 """Folders from a tty's device up to the USB device with its ids."""
 STOP_SERVICE: Final = "sudo systemctl stop wallride"
@@ -41,7 +44,11 @@ def serial_paths(settings: Settings) -> Iterator[tuple[str, str, Path]]:
 
 def check_ports(computer: Computer, settings: Settings) -> list[Finding]:
     """Look at the serial ports and at the programs that are known to disturb them."""
-    found = [_port(computer, kind, text, path) for kind, text, path in serial_paths(settings)]
+    driver = settings.lidar.driver
+    found = [
+        _port(computer, kind, text, path, adapter=kind == "lidar" and driver != DEFAULT_LIDAR)
+        for kind, text, path in serial_paths(settings)
+    ]
     places = [computer.device(str(path)).resolve() for _, _, path in serial_paths(settings)]
     if len(set(places)) < len(places):
         found.append(
@@ -50,13 +57,16 @@ def check_ports(computer: Computer, settings: Settings) -> list[Finding]:
     return [*found, _brltty(computer), _modem_manager(computer)]
 
 
-def _port(computer: Computer, kind: str, text: str, path: Path) -> Finding:
+def _port(computer: Computer, kind: str, text: str, path: Path, *, adapter: bool) -> Finding:
+    """Look at one port. adapter: the device is behind a USB adapter, whose ids many devices have."""
     subject, device = f"{kind} port", computer.device(str(path))
     what = f"{kind}.address = {text}"
     if device.is_dir():
         return fail(subject, f"{what}: is a directory", "name the device in it")
     if device.is_file():
         return fail(subject, f"{what}: is an ordinary file", "name a serial device")
+    if not device.exists() and adapter:
+        return fail(subject, f"{what}: not there now", f"plug it in and power it; {BY_ID}")
     if not device.exists():
         return _missing(computer, kind, what)
     real = device.resolve()
@@ -72,7 +82,7 @@ def _port(computer: Computer, kind: str, text: str, path: Path) -> Finding:
     if str(path).startswith(RAW):
         return warn(
             subject, f"{what}: its number changes with the order of plugging in",
-            f"use the name of the udev rules: serial:///dev/wallride-{'vesc' if kind == 'motor' else 'lidar'}",
+            BY_ID if adapter else f"use the name of the udev rules: serial:///dev/wallride-{NAMES[kind]}",
         )  # fmt: skip
     return ok(subject, what)
 

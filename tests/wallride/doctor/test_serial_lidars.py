@@ -1,0 +1,106 @@
+"""Problems planted in emulated RPLIDAR and YDLIDAR lidars: the doctor finds each, and names the remedy."""
+
+import asyncio
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.drivers.turning.rig import room_mm
+from tests.wallride.doctor.fakes import changed, healthy, link, settings
+from wallride.doctor.findings import Finding, Level
+from wallride.doctor.lidar import judge_lidar, look_at_lidar, remedy_of
+from wallride.doctor.ports import check_ports
+from wallride.drivers.rplidar.settings import RplidarSettings
+from wallride.drivers.turning.conversation import describe
+from wallride.drivers.ydlidar.settings import YdlidarSettings
+from wallride.runtime.ending import end
+from wallride.runtime.settings.devices import AnyLidarSettings
+from wallride.sim.devices.rplidar import RplidarDevice
+from wallride.sim.devices.turning import TurningEmulator
+from wallride.sim.devices.ydlidar import X2, YdlidarDevice
+
+
+async def found(emulator: TurningEmulator, chosen: AnyLidarSettings, path: Path) -> dict[str, Finding]:
+    """Return the doctor's findings on an emulated lidar by their subjects."""
+    emulator.start_serial(path)
+
+    async def turn() -> None:
+        while True:
+            emulator.advance(time.monotonic(), room_mm)
+            await asyncio.sleep(0.004)
+
+    turning = asyncio.create_task(turn())
+    try:
+        return {finding.subject: finding for finding in judge_lidar(await look_at_lidar(chosen))}
+    finally:
+        await end(turning)
+        emulator.close()
+
+
+def rplidar(path: Path, **values: Any) -> RplidarSettings:
+    return RplidarSettings(address=f"serial://{path}", **values)
+
+
+@pytest.mark.parametrize("maker", ["rplidar", "ydlidar"])
+async def test_a_healthy_lidar_is_ok(tmp_path, maker):
+    path = tmp_path / "lidar"
+    device = RplidarDevice() if maker == "rplidar" else YdlidarDevice()
+    chosen = rplidar(path) if maker == "rplidar" else YdlidarSettings(address=f"serial://{path}")
+    told = await found(TurningEmulator(device), chosen, path)
+    assert {one.level for one in told.values()} == {Level.OK}
+    assert "LIDAR" in told["lidar"].words
+    assert not device.streaming
+
+
+async def test_a_ydlidar_on_the_port_of_an_rplidar_is_named(tmp_path):
+    told = await found(TurningEmulator(YdlidarDevice(X2)), rplidar(tmp_path / "lidar"), tmp_path / "lidar")
+    assert told["lidar"].level is Level.FAIL
+    assert 'lidar.driver = "ydlidar"' in told["lidar"].remedy
+
+
+async def test_a_motor_that_takes_too_much_is_named(tmp_path):
+    device = RplidarDevice()
+    device.refuses = True
+    told = await found(TurningEmulator(device), rplidar(tmp_path / "lidar"), tmp_path / "lidar")
+    assert told["lidar"].level is Level.FAIL
+    assert "hub with a supply" in told["lidar"].remedy
+
+
+async def test_silence_is_a_matter_of_supply_and_speed(tmp_path):
+    emulator = TurningEmulator(RplidarDevice())
+    emulator.silence = True
+    told = await found(emulator, rplidar(tmp_path / "lidar"), tmp_path / "lidar")
+    assert told["lidar"].level is Level.FAIL
+    assert "5 V" in told["lidar"].remedy
+
+
+async def test_an_error_that_was_reset_is_told(tmp_path):
+    device = RplidarDevice()
+    device.fault = True
+    told = await found(TurningEmulator(device), rplidar(tmp_path / "lidar"), tmp_path / "lidar")
+    assert "0x0004" in told["lidar condition"].words
+
+
+@pytest.mark.parametrize(
+    "heard",
+    [b"", bytes(40), b"\xaa\x55\x00\x08ab\xaa\x55", b"\xa5\x5a\x14", b"99b\n\n", b"\x01\x02", bytes(range(1, 90))],
+)
+def test_every_sign_of_another_device_has_a_remedy_of_its_own(heard):
+    assert remedy_of(describe(heard)) != remedy_of("what no driver says")
+
+
+def at_raw(one: Any) -> None:
+    link(one.root, "dev/ttyUSB0", "/dev/null")
+
+
+@pytest.mark.parametrize(("plant", "level"), [(None, Level.FAIL), (at_raw, Level.WARN)])
+def test_an_adapter_is_named_by_its_id(tmp_path, plant, level):
+    computer = changed(healthy(tmp_path / "root"))
+    if plant is not None:
+        plant(computer)
+    chosen = settings("lidar.driver=rplidar", "lidar.address=serial:///dev/ttyUSB0")
+    told = {finding.subject: finding for finding in check_ports(computer, chosen)}["lidar port"]
+    assert told.level is level
+    assert "/dev/serial/by-id" in told.remedy
