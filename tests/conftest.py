@@ -3,6 +3,7 @@
 import os
 import signal
 from pathlib import Path
+from zlib import crc32
 
 import pytest
 from hypothesis import HealthCheck
@@ -40,10 +41,13 @@ RERUNS = int(os.environ.get("WALLRIDE_RERUNS", "3"))
 
 
 def pytest_collection_modifyitems(items):
-    """Let tests with processes, browsers and emulated devices run again: a full machine can stop one for a second.
+    """Mix files that wait with files that compute, and let tests in real time run again.
 
-    pytest prints each rerun ("R" and its reason with -ra). Tests of algorithms run in virtual time, once.
+    In the order of their names all that starts processes comes last and starves itself. A full machine can stop a test
+    with processes, browsers or emulated devices for a second: pytest prints each rerun ("R" and its reason with -ra).
+    Tests of algorithms run in virtual time, once.
     """
+    items.sort(key=lambda item: crc32(item.nodeid.partition("::")[0].encode()))  # the same in each worker
     here = Path(__file__).parent
     for item in items:
         if item.path.relative_to(here).as_posix().startswith(tuple(f"{folder}/" for folder in REAL_TIME)):
