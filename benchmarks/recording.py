@@ -204,18 +204,31 @@ def main() -> None:
     warm_up(settings, time.monotonic)
     run_round(folder, 2.0, disk)
     run_round(None, 2.0, disk)
+    figures, used, by_thread = measured(folder, options.rounds, options.seconds, disk)
+    shutil.rmtree(folder)
+    show(figures, used, by_thread)
+
+
+def measured(
+    folder: Path, rounds: int, seconds: float, disk: Disk
+) -> tuple[dict[bool, dict[str, list[float]]], dict[bool, list[float]], list[float]]:
+    """Return samples by stage and shares of a core, with and without recording by turns, and its thread's share."""
     figures: dict[bool, dict[str, list[float]]] = {True: {}, False: {}}
     used: dict[bool, list[float]] = {True: [], False: []}
     by_thread: list[float] = []
-    for number in range(2 * options.rounds):
+    for number in range(2 * rounds):
         recorded = number % 2 == 0
-        found, share, thread_share = run_round(folder if recorded else None, options.seconds, disk)
+        found, share, thread_share = run_round(folder if recorded else None, seconds, disk)
         used[recorded].append(share)
         if recorded:
             by_thread.append(thread_share)
         for name, samples_s in found.items():
             figures[recorded].setdefault(name, []).extend(samples_s)
-    shutil.rmtree(folder)
+    return figures, used, by_thread
+
+
+def show(figures: dict[bool, dict[str, list[float]]], used: dict[bool, list[float]], by_thread: list[float]) -> None:
+    """Print the table and what recording costs."""
     for recorded in (False, True):
         print(
             f"{'with' if recorded else 'without'} recording: {100 * float(np.median(used[recorded])):.2f} % of a core"

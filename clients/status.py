@@ -120,6 +120,12 @@ def condition_lines(condition: Mapping[str, Any]) -> tuple[str, str]:
 
 def _rows(status: Status) -> Iterator[tuple[str, str]]:
     yield from zip(("state", "to clear"), condition_lines(status.get("condition") or {}), strict=True)
+    yield from _decision_rows(status)
+    yield from _device_rows(status)
+    yield from _program_rows(status)
+
+
+def _decision_rows(status: Status) -> Iterator[tuple[str, str]]:
     output = status["output"]
     if output is not None:
         yield (
@@ -140,6 +146,9 @@ def _rows(status: Status) -> Iterator[tuple[str, str]]:
         label = ""
     yield "operator", _operator(status.get("operator"))
     yield "not bound", overruled_words(status.get("overruled"))
+
+
+def _device_rows(status: Status) -> Iterator[tuple[str, str]]:
     yield "battery", battery_words(status["battery"])
     yield "computer", computer_words(status.get("computer") or {})
     yield "fault", status["fault"]
@@ -150,6 +159,9 @@ def _rows(status: Status) -> Iterator[tuple[str, str]]:
         yield device, f"{health['link']}: {health['message']}{f'; {since}: {counts}' if counts else ''}"
     yield "window", "; ".join(status["window"]) or "clean"
     yield "own parts", own_parts_words(status.get("own_parts") or {})
+
+
+def _program_rows(status: Status) -> Iterator[tuple[str, str]]:
     latency = status["scan_to_motor_ms"]
     if latency["p50"] is not None:
         yield "latency", f"scan to motor p50 {latency['p50']} ms, p99 {latency['p99']} ms, longest {latency['max']} ms"

@@ -120,19 +120,33 @@ class Car:
             self.queue, motor, self.limiter, REQUIRED, self.decision_log.clock, self.stages, self.decision_log
         )
         self.standstill = Standstill(motor, lambda: self.mux.output, clock)
+        self.joystick = around.joystick
+        self.computer = around.computer
+        self._add_people()
+        self._add_watches()
+        self.history = ChangeHistory(settings.parameters.history)
+        self.parameters = ParameterServer(settings, self._surroundings(around.file, around.base), self.history)
+        self._add_telemetry()
+
+    def _add_people(self) -> None:
+        """Add what asks for motion from outside the laws: operators, planners, their permit and the e-stop."""
+        settings, clock = self.settings, self.clock
         self.permit = Permit(self.queue, settings.operator.permit)
         self.emergency_stop = EmergencyStop(self.queue)
         self.session = secrets.randbits(31) + 1
         self.operator = OperatorDesk(
-            settings.operator, self.queue, self.permit, self.emergency_stop, motor.clear_fault, clock,
+            settings.operator, self.queue, self.permit, self.emergency_stop, self.motor.clear_fault, clock,
             car_session=self.session,
         )  # fmt: skip
         self.planners = PlannerDesk(
             settings.planner_names(), settings.planners.expiry_s, self.queue, self.permit, self.operator.beats,
             self.operator.rearm, clock, self.session,
         )  # fmt: skip
-        self.joystick = around.joystick
         self.operator.heard_elsewhere = lambda: self.planners.is_attended
+
+    def _add_watches(self) -> None:
+        """Add what looks at devices, laws and battery, and limits or names what it finds."""
+        settings, lidar, motor, clock = self.settings, self.lidar, self.motor, self.clock
         self.battery = BatteryLimit(settings.battery, motor, self.queue, self.operator.rearm)
         self.own_law = OwnLawWatch(
             self.laws, self.permit, self.operator.rearm, lambda: self.stack.apply(self.stack.settings), clock
@@ -142,14 +156,15 @@ class Car:
         )
         self.driving_state.own_law = lambda: self.laws.own_law_fault
         self.driving_state.slowest_mps = settings.motor.min_speed_mps
-        self.computer = around.computer
         self.own_parts = OwnPartsKeeper(
             settings.car.name, lambda: lidar.health.identity, self.laws, file_in(settings.process.state_folder), clock,
             lambda: datetime.now(UTC).isoformat(timespec="seconds"), self.standstill.holds,
             self.decision_log.add_own_parts,
         )  # fmt: skip
-        self.history = ChangeHistory(settings.parameters.history)
-        self.parameters = ParameterServer(settings, self._surroundings(around.file, around.base), self.history)
+
+    def _add_telemetry(self) -> None:
+        """Add the topics and where they go."""
+        bus, settings = self.bus, self.settings
         self.sink = ZenohSink(bus, settings.car.name, settings.telemetry.rates_hz)
         self.ros2 = self._ros2_sink()
         sinks: list[Sink] = [self.sink, self.recorder, *([self.ros2] if self.ros2 is not None else [])]

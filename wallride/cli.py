@@ -96,25 +96,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = GroupedParser(prog="wallride", description="Drives a 1/10-scale autonomous racecar.")
     parser.add_argument("--version", action="version", version=f"wallride {_version()}")
     commands: Any = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
-    run = commands.add_parser("run", help="drive the car until SIGINT or SIGTERM")
-    check = commands.add_parser("check", help="validate the settings and print the effective ones")
-    run.set_defaults(run=_run)
-    check.set_defaults(run=_check)
-    for command in (run, check):
-        add_config(command)
-        add_set(command)
-    run.add_argument(
-        "--address-file", type=Path, metavar="FILE", help="write the endpoints of telemetry and the session as JSON"
-    )
-    run.add_argument(
-        "--saved", type=Path, metavar="FILE",
-        help="file with further settings, to which `param save` writes (default: the TOML file)",
-    )  # fmt: skip
-    check.add_argument(
-        "--devices",
-        action="store_true",
-        help="open the devices; fail when one does not answer: a part of `wallride doctor`",
-    )
+    _add_run_and_check(commands)
     sim_options.add(commands)
     emulate_options.add(commands)
     doctor_options.add(commands)
@@ -146,6 +128,28 @@ def build_parser() -> argparse.ArgumentParser:
     _add_build_kernel(commands)
     completion_options.add(commands, build_parser)
     return parser
+
+
+def _add_run_and_check(commands: Any) -> None:  # noqa: ANN401 - argparse has no public name for it
+    run = commands.add_parser("run", help="drive the car until SIGINT or SIGTERM")
+    check = commands.add_parser("check", help="validate the settings and print the effective ones")
+    run.set_defaults(run=_run)
+    check.set_defaults(run=_check)
+    for command in (run, check):
+        add_config(command)
+        add_set(command)
+    run.add_argument(
+        "--address-file", type=Path, metavar="FILE", help="write the endpoints of telemetry and the session as JSON"
+    )
+    run.add_argument(
+        "--saved", type=Path, metavar="FILE",
+        help="file with further settings, to which `param save` writes (default: the TOML file)",
+    )  # fmt: skip
+    check.add_argument(
+        "--devices",
+        action="store_true",
+        help="open the devices; fail when one does not answer: a part of `wallride doctor`",
+    )
 
 
 def _add_build_kernel(commands: Any) -> None:  # noqa: ANN401 - argparse has no public name for it

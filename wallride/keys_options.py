@@ -20,22 +20,39 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     init.add_argument(
         "--san", action="append", default=[], metavar="NAME|IP", help="another name or address of the car (repeatable)"
     )
-    add_person = actions.add_parser("add", help="create keys for a person or a computer")
-    add_person.add_argument(
+    person = _add_person(actions)
+    revoke = actions.add_parser("revoke", help="remove every right of a person")
+    revoke.add_argument("name", metavar="NAME")
+    show = actions.add_parser("list", help="show persons, roles and expiry")
+    show.add_argument("--json", action="store_true", help="print JSON")
+    router = _add_router(actions)
+    for action in (init, person, router):
+        action.add_argument("--days", type=_days, default=365, metavar="N", help="validity in days (default: 365)")
+        action.add_argument("--renew", action="store_true", help="replace existing keys")
+    for action in (init, person, revoke, show, router):
+        action.add_argument("--dir", type=Path, default=DEFAULT_DIR, help=f"folder of keys (default: {DEFAULT_DIR})")
+        action.add_argument("--car", metavar="NAME", help="name of the car (default: car.name of its settings)")
+        add_config(action, positional=False)
+        action.set_defaults(run=run)
+
+
+def _add_person(actions: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argparse.ArgumentParser:
+    person = actions.add_parser("add", help="create keys for a person or a computer")
+    person.add_argument(
         "name", metavar="NAME", help="a-z, 0-9, _ and -, up to 24 characters (a car: 32); shown as the operator"
     )
-    add_person.add_argument(
+    person.add_argument(
         "--role",
         choices=ROLES,
         required=True,
         help="viewer: receives topics, reads settings; operator: also drives, changes settings; admin: also records;"
         " planner: a viewer that plans under safety; car: one of a fleet, at its routers",
     )
-    add_person.add_argument("--out", type=Path, metavar="DIR", help="new folder for the keys (default: ./NAME-keys)")
-    revoke = actions.add_parser("revoke", help="remove every right of a person")
-    revoke.add_argument("name", metavar="NAME")
-    show = actions.add_parser("list", help="show persons, roles and expiry")
-    show.add_argument("--json", action="store_true", help="print JSON")
+    person.add_argument("--out", type=Path, metavar="DIR", help="new folder for the keys (default: ./NAME-keys)")
+    return person
+
+
+def _add_router(actions: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argparse.ArgumentParser:
     router = actions.add_parser("router", help="create or update a router of a fleet: its keys and its configuration")
     router.add_argument("name", metavar="NAME", help="name of the router, by which cars and people reach it")
     router.add_argument(
@@ -59,14 +76,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "--scan-hz", type=between(0.1, 100), default=10.0, metavar="HZ",
         help="maximum rate of each car's scans for a viewer (default: 10)",
     )  # fmt: skip
-    for action in (init, add_person, router):
-        action.add_argument("--days", type=_days, default=365, metavar="N", help="validity in days (default: 365)")
-        action.add_argument("--renew", action="store_true", help="replace existing keys")
-    for action in (init, add_person, revoke, show, router):
-        action.add_argument("--dir", type=Path, default=DEFAULT_DIR, help=f"folder of keys (default: {DEFAULT_DIR})")
-        action.add_argument("--car", metavar="NAME", help="name of the car (default: car.name of its settings)")
-        add_config(action, positional=False)
-        action.set_defaults(run=run)
+    return router
 
 
 def run(options: argparse.Namespace) -> int:

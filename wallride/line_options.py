@@ -31,6 +31,14 @@ def add(commands: "Commands") -> None:
         help="the way round instead: a text file with x and y, as driven or drawn, such as a centre line",
     )  # fmt: skip
     line.add_argument("--reverse", action="store_true", help="the other way round")
+    _add_limits(line)
+    add_config(line, "settings file with the car's size and steering", positional=False)
+    add_set(line)
+    add_json(line, "the figures")
+    line.set_defaults(run=run)
+
+
+def _add_limits(line: argparse.ArgumentParser) -> None:
     line.add_argument("--mu", type=_above_zero, default=0.8, metavar="MU", help="friction of the floor (default: 0.8)")
     line.add_argument(
         "--keep", dest="keep_m", type=_above_zero, default=0.45, metavar="M",
@@ -51,10 +59,6 @@ def add(commands: "Commands") -> None:
         "--avoid", type=_circle, action="append", default=[], metavar="X,Y,RADIUS",
         help="a round place to keep away from, in metres on the map; --avoid=-1,2,0.3 where X is negative (repeatable)",
     )  # fmt: skip
-    add_config(line, "settings file with the car's size and steering", positional=False)
-    add_set(line)
-    add_json(line, "the figures")
-    line.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -87,13 +87,7 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201
         return KILLED if stop.killed else USAGE_ERROR if error.exit_code == USAGE_ERROR else FAILED
     if options.json != "-":
-        console.print(summary_table(summary))
-        if summary.get("collided") and not options.put_back:
-            console.print("The car touched something: that ends a simulated drive.")
-        words, command = recorded_words(summary["recording"])
-        console.print(words, soft_wrap=True)
-        if command:
-            console.print(f"a page of it: {command}", soft_wrap=True)
+        _show(summary, console, put_back=options.put_back)
     write_summary(summary, options.json)
     if failed_to_record(summary["recording"]):
         return FAILED
@@ -110,6 +104,17 @@ def _load(options: argparse.Namespace, config: Path, saved: Path) -> Settings:
     settings = load_settings(config, options.assignments, saved, laws=True)
     options.lidar = options.lidar or settings.lidar.driver
     return settings
+
+
+def _show(summary: dict[str, Any], console: Console, *, put_back: bool) -> None:
+    """Print the table, and where the drive was recorded."""
+    console.print(summary_table(summary))
+    if summary.get("collided") and not put_back:
+        console.print("The car touched something: that ends a simulated drive.")
+    words, command = recorded_words(summary["recording"])
+    console.print(words, soft_wrap=True)
+    if command:
+        console.print(f"a page of it: {command}", soft_wrap=True)
 
 
 def _scenario_scene(options: argparse.Namespace, scenario: Scenario) -> ScenarioScene:

@@ -167,13 +167,7 @@ class SimulatorSession:
                 listening = tasks.create_task(listener.run(), name="listener") if listener is not None else None
                 if self._watched and listener is not None:
                     await self._open_page(stack, folder / FAREWELL)
-                timer = PeriodicTimer(time.monotonic)
-                plant = self._plant(vesc)
-                timer.every(STEP_S, self._stepper(scip, plant))
-                if (start_at := self._scene.back_to) is not None:
-                    timer.every(AGAIN_S, lambda _late_s, _missed: plant.put_back(start_at))
-                timer.every(SHOW_S, lambda _late_s, _missed: on_frame(record))
-                going_on = tasks.create_task(timer.run(), name="world")
+                going_on = tasks.create_task(self._timer(scip, self._plant(vesc), on_frame).run(), name="world")
                 summing = tasks.create_task(self._sum_up(listener), name="sums")
                 await self._until_over(runtime, duration_s, stop)
                 (folder / FAREWELL).write_text(last_words(self._scene, duration_s, asked=stop.asked), encoding="utf-8")
@@ -187,6 +181,15 @@ class SimulatorSession:
                 await end(*filter(None, (going_on, listening, summing)))
         record.sum_up(len(record.fresh))
         return record
+
+    def _timer(self, scip: EmulatedLidar, plant: Plant, on_frame: Callable[[Record], None]) -> PeriodicTimer:
+        """Return what moves the world on and shows it."""
+        timer = PeriodicTimer(time.monotonic)
+        timer.every(STEP_S, self._stepper(scip, plant))
+        if (start_at := self._scene.back_to) is not None:
+            timer.every(AGAIN_S, lambda _late_s, _missed: plant.put_back(start_at))
+        timer.every(SHOW_S, lambda _late_s, _missed: on_frame(self.record))
+        return timer
 
     async def _sum_up(self, listener: Listener | None) -> None:
         while True:
