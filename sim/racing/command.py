@@ -20,6 +20,7 @@ from wallride.sim.world.worlds import is_map, load_world
 
 NARROWER_M: Final = 0.03
 """A line may be this much nearer to a wall than asked before that is said: the points of its bounds are 3 cm apart."""
+PICTURE: Final = ".png"
 SPARE_M: Final = 0.05
 """Smallest distance between the car's side and a wall that counts as room for the car."""
 
@@ -33,12 +34,14 @@ def run(options: argparse.Namespace) -> int:
     line = line_of(world, options, car)
     stem = f"{Path(options.map).stem if is_map(options.map) else world.name.replace(':', '-')}.line"
     target: Path = options.output or Path(f"{stem}.csv")
+    if target.is_dir() or target.suffix == PICTURE:
+        raise ValueError(f"-o {target}: name a file, such as {stem}.csv; the picture goes beside it")
+    picture = target.with_suffix(PICTURE)
     about = (
         f"race line by wallride: {world.name}, {_course(options, world)}, mu {options.mu:g}, at least"
         f" {options.keep_m:g} m from walls, at most {options.speed_mps:g} m/s"
     )
     target.write_text(text_of(line, about), encoding="utf-8")
-    picture = target.with_suffix(".png")
     save_picture(picture, world.outline_m, line, f"{world.name}: {line.length_m:.1f} m, {line.lap_s:.2f} s")
     if options.json == "-":
         print(json.dumps(figures(line)))  # noqa: T201 - this is the command's answer

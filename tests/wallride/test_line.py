@@ -49,6 +49,8 @@ def test_a_line_is_a_path_for_another_line_the_other_way_round(here, capsys):
         (["loop", "-o", "none/line.csv"], "none/line.csv: No such file or directory"),
         (["loop", "--set", "car.max_steering_rad=0.06"], "and the car needs 5.49 m"),
         (["loop", "--set", "car.wheels=3"], "wheels"),
+        (["loop", "-o", "line.png"], "-o line.png: name a file, such as loop.line.csv"),
+        (["loop", "-o", "."], "-o .: name a file, such as loop.line.csv"),
         (["loop", "--avoid=3,0,9"], "no room for the car"),
     ],
 )
