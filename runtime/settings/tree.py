@@ -47,6 +47,9 @@ _TAGS = TAGS | DRIVER_TAGS
 """Parts of the place of an error that stand in no file: which member of a union was read."""
 
 
+MAX_FILE_B = 1_000_000
+
+
 class SettingsError(Exception):
     """The settings cannot be used; the text names each key or path and the remedy."""
 
@@ -263,7 +266,10 @@ def read_tree(path: Path) -> dict[str, Any]:
     """Return a file's content, not yet checked; SettingsError when it cannot be read."""
     try:
         with path.open("rb") as file:
-            return tomllib.load(file)
+            content = file.read(MAX_FILE_B + 1)  # a device may have no end
+        if len(content) > MAX_FILE_B:
+            raise SettingsError(f"{path}: is not a settings file: it is longer than {MAX_FILE_B // 1_000_000} MB")
+        return tomllib.loads(content.decode())
     except FileNotFoundError:
         raise SettingsError(f"{path}: no such file; see config/car.toml for one to start from") from None
     except IsADirectoryError:

@@ -148,3 +148,8 @@ def test_gains_left_in_the_file_of_an_own_law_are_told_with_the_remedy(tmp_path,
     file.write_text(GAINS.replace("ball", law_file(STRAIGHT)))
     with pytest.raises(SettingsError, match=r"wall_follow\.kp is a setting of ball and report; delete it"):
         load_settings(file)
+
+
+def test_a_file_without_an_end_is_refused_and_not_read_for_ever():
+    with pytest.raises(SettingsError, match=r"^/dev/zero: is not a settings file: it is longer than 1 MB$"):
+        load_settings(Path("/dev/zero"))
