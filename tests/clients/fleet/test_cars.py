@@ -213,6 +213,18 @@ async def test_a_car_that_does_not_latch_and_an_endpoint_that_is_away_are_failur
         assert len(came) > 10, "it is told again and again"
 
 
+async def test_a_car_whose_name_is_announced_as_a_recording_is_stopped_and_confirms_all_the_same():
+    async with beating_car("car1") as (endpoint, _):
+        liar = Bus(client_config(endpoint, None))
+        await liar.open()
+        liar.announce(topics.key("car1", topics.PLAYED))
+        parsed, said = stop_options("--all", "--connect", endpoint)
+        assert await fleet_stop.run(parsed) == 0
+        await liar.close()
+    assert len(said) == 1
+    assert "e-stop latched after" in said[0]
+
+
 @pytest.mark.parametrize("arguments", [["--all"], ["--car", "car1"], []])
 async def test_an_e_stop_that_reaches_nothing_says_that_nothing_was_stopped(arguments, monkeypatch):
     monkeypatch.setattr(fleet_stop, "GIVE_UP_S", 0.8)
