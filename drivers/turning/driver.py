@@ -202,7 +202,9 @@ class TurningLidar:
             self._failures = 0
             usual_hz = stream.turns_hz if math.isnan(usual_hz) else usual_hz
             age_s = now_s - stream.delivered_s
-            if age_s > self._settings.degraded_after_s:
+            if stream.repetition.stored:
+                self._say(LinkState.FAULTY, f"{self._kind.word}: it repeats one turn: power-cycle it, check its cable")
+            elif age_s > self._settings.degraded_after_s:
                 self._say(LinkState.FAULTY, f"{self._kind.word}: no scan for {age_s:.1f} s (cable, power, motor?)")
             elif self._health.link is LinkState.READY:
                 self._health.message = _summary(facts, stream, usual_hz)
@@ -214,6 +216,8 @@ class TurningLidar:
             return "it was started, but no whole turn came (does its head turn? power-cycle it)" if late else ""
         if now_s - stream.heard_s > silent_s:
             return f"no whole turn for {now_s - stream.heard_s:.1f} s (is the head blocked? cable, power)"
+        if stream.repetition.stored:
+            return ""  # a restart would let the car go on for another REPEATED_M
         unused_s = now_s - (started_s if stream.delivered_s is None else stream.delivered_s)
         if unused_s > 2 * silent_s and (stream.delivered_s is not None or unused_s > FIRST_SCAN_TIMEOUT_S):
             if not stream.beams:

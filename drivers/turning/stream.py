@@ -4,8 +4,12 @@ import math
 from collections.abc import Callable
 from typing import Final
 
+import numpy as np
+import numpy.typing as npt
+
 from wallride.drivers.api import Health, LinkState, Scan
 from wallride.drivers.turning.grid import AskMotion, Mount, cells_for, resample
+from wallride.drivers.turning.repetition import Repetition
 from wallride.drivers.turning.samples import SampleDecoder
 from wallride.drivers.turning.turns import Turn, Turns
 from wallride.drivers.value import value
@@ -43,7 +47,7 @@ class TurnStream:
 
     heard_s: when the last turn was complete, late ones included. delivered_s: of the last delivered scan. Both None
     before the first. turns_hz: measured speed of the head. beams: of a scan, 0 before it is known, and where a turn has
-    too few samples. late_s: delay of the newest turn.
+    too few samples. late_s: delay of the newest turn. repetition: whether it still measures.
     """
 
     def __init__(
@@ -65,6 +69,7 @@ class TurnStream:
         self._turns = Turns(facts.sample_s, turned.mount.cut_deg, health.count, least_s=least_s)
         self._settling = SETTLING_TURNS
         self._sparse = 0
+        self.repetition = Repetition()
         self.heard_s: float | None = None
         self.delivered_s: float | None = None
         self.turns_hz = math.nan
@@ -92,9 +97,10 @@ class TurnStream:
         if not self.beams:
             self._health.count("sparse")
             return
-        ranges_m = resample(
-            turn, self._motion(), self._mount, self.beams, self._facts.range_min_m, self._facts.range_max_m
-        )
+        ranges_m = self._ranges_m(turn)
+        if ranges_m is None:
+            self._health.count("stored turn")
+            return
         self.delivered_s = read_at_s
         if self._health.link is not LinkState.READY:
             self._health.link = LinkState.READY
@@ -111,6 +117,13 @@ class TurnStream:
                 sequence=number,
             )
         )
+
+    def _ranges_m(self, turn: Turn) -> npt.NDArray[np.float32] | None:
+        """Return the scan of a turn, None where it is a stored one."""
+        motion = self._motion()
+        if self.repetition.is_stored(turn.range_m, motion.x_mps, turn.duration_s):
+            return None
+        return resample(turn, motion, self._mount, self.beams, self._facts.range_min_m, self._facts.range_max_m)
 
     def _fit(self, samples: int) -> None:
         """Choose another grid where the head turns faster for a while than the grid allows."""

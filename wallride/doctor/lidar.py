@@ -24,6 +24,7 @@ _POLL_S: Final = 0.02
 
 REMEDIES: Final = (
     ("does not start measuring", "use a USB hub with a supply: the motor takes up to 1 A when it starts"),
+    ("repeats one turn", "unplug it for a moment; if it comes back, have it repaired"),
     ("only zero bytes", "use a USB hub with a supply, and a short cable; then another adapter"),
     ("packets of a YDLIDAR", 'set lidar.driver = "ydlidar"; of an X2 or X4 Pro also lidar.model'),
     ("as a Hokuyo sends it", 'set lidar.driver = "hokuyo"'),

@@ -12,6 +12,7 @@ from wallride.drivers.api import Health, LinkState, Scan
 from wallride.drivers.rplidar.driver import Rplidar
 from wallride.drivers.rplidar.settings import RplidarSettings
 from wallride.drivers.turning.driver import TurningLidar
+from wallride.drivers.turning.grid import AskMotion, standing
 from wallride.drivers.ydlidar.driver import Ydlidar
 from wallride.drivers.ydlidar.settings import YdlidarSettings
 from wallride.sim.devices.rplidar import RplidarDevice
@@ -22,6 +23,7 @@ LIMIT_S = 20.0
 WALL_M, ROUND_M = 2.0, 3.0
 """A wall ahead at 2 m, and a round wall everywhere else."""
 Floats = npt.NDArray[np.float64]
+_RNG = np.random.default_rng(2)
 
 
 def room_m(bearing_rad: Floats) -> Floats:
@@ -36,7 +38,8 @@ def room_mm(rays: Rays) -> npt.NDArray[np.int64]:
     along_m = (rays.start_m * way.conjugate()).real
     round_m = np.sqrt(ROUND_M**2 - np.abs(rays.start_m) ** 2 + along_m**2) - along_m
     wall_m = (WALL_M - rays.start_m.real) / np.maximum(way.real, 0.01)
-    mm: npt.NDArray[np.int64] = np.rint(np.minimum(round_m, wall_m) * 1000).astype(np.int64)
+    noise_m = _RNG.normal(0.0, 0.004, way.size)
+    mm: npt.NDArray[np.int64] = np.rint((np.minimum(round_m, wall_m) + noise_m) * 1000).astype(np.int64)
     return mm
 
 
@@ -83,12 +86,13 @@ class Rig:
 def driver_for(emulator: TurningEmulator, address: str, **settings: Any) -> TurningLidar:
     """Return the driver that an emulated sensor needs."""
     settings = {"silent_after_s": 0.5, **settings}
+    motion: AskMotion = settings.pop("motion", standing)
     if isinstance(emulator.device, YdlidarDevice):
         model = emulator.device.model
         named = {"model": "x2"} if model.one_way else {}
-        return Ydlidar(YdlidarSettings(address=address, **named, **settings))
+        return Ydlidar(YdlidarSettings(address=address, **named, **settings), motion=motion)
     assert isinstance(emulator.device, RplidarDevice)
-    return Rplidar(RplidarSettings(address=address, **settings))
+    return Rplidar(RplidarSettings(address=address, **settings), motion=motion)
 
 
 MakeRig = Callable[..., Awaitable[Rig]]

@@ -9,6 +9,7 @@ import pytest
 
 from tests.drivers.turning.rig import Rig, room_m, stop
 from wallride.drivers.api import LinkState, Scan
+from wallride.drivers.turning.grid import Motion
 from wallride.sim.devices import rplidar, ydlidar
 from wallride.sim.devices.rplidar import RplidarDevice
 from wallride.sim.devices.turning import TurningDevice, TurningEmulator
@@ -213,6 +214,20 @@ async def test_conditions_that_are_not_told_do_not_keep_it_from_measuring(plugge
     rig: Rig = await plugged(TurningEmulator(device))
     await rig.more_scans()
     assert rig.counts["no condition told"] == 1
+
+
+@pytest.mark.parametrize("name", TWO)
+async def test_a_stored_turn_gives_no_scans_to_a_car_that_moves(plugged, name):
+    rig: Rig = await plugged(sensor(name), motion=lambda: Motion(1.0, 0.0, 0.0))
+    await rig.more_scans()
+    rig.emulator.frozen = True
+    await rig.until(lambda: "repeats one turn" in rig.health.message)
+    before = len(rig.scans)
+    await rig.run_for(1.5)
+    assert len(rig.scans) == before
+    rig.emulator.frozen = False
+    await rig.more_scans()
+    assert rig.link() is LinkState.READY
 
 
 @pytest.mark.parametrize("name", TWO)
