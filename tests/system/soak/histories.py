@@ -338,8 +338,9 @@ class History:
 
     def stall(self) -> None:
         """Keep the process from doing anything for a time."""
-        self.loop._jumping.now_s += self.rng.choice([0.03, 0.1, 0.19, 0.25, 0.6])
-        self.judge.stalled()
+        seconds = self.rng.choice([0.03, 0.1, 0.19, 0.25, 0.6])
+        self.loop._jumping.now_s += seconds
+        self.judge.stalled(seconds)
 
     def tune(self) -> None:
         """Change a parameter, of the law or of something else."""

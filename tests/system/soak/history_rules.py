@@ -79,6 +79,7 @@ class Judge:
         self._permitted_to = 0
         self._number = 0
         self._latched: dict[str, tuple[int, float]] = {}
+        self._law: tuple[int, float] | None = None
         self._since: dict[bool, list[tuple[int, float]]] = {False: [], True: []}
         self._last_s = math.inf
         self._last_mps = 0.0
@@ -102,6 +103,8 @@ class Judge:
             return
         if now_s >= client.fresh_until_s:
             client.released = NEVER
+        if flags == MANUAL and session == self._permitted_to:  # the permit is over before a law's fault ends it
+            self._since[False] = [one for one in self._since[False] if one != self._law or now_s >= one[1]]
         client.sequence, client.flags, client.mark, client.held_until_s = sequence, flags, mark, until_s
         client.fresh_until_s = max(client.fresh_until_s, until_s)
         self._obey(client, flags, now_s)
@@ -151,6 +154,7 @@ class Judge:
         self.law_broken = True
         if self._lasts(now_s + NOTICED_S):
             self._incident("law", now_s + NOTICED_S)
+            self._law = self._since[False][-1]
 
     def motor_faulted(self) -> None:
         """Note that the motor controller shows a fault: latched until a reset."""
@@ -166,10 +170,17 @@ class Judge:
         """Note that a device is back that the car must have missed."""
         self._incident(f"{device} lost", self._tell(), by_hand=device == "motor")
 
-    def stalled(self) -> None:
-        """Note that the car's process did nothing for a time."""
+    def stalled(self, seconds: float) -> None:
+        """Note that the car's process did nothing for a time: what it had not noticed before, it notices afterwards."""
         self._last_s = math.inf
-        self._tell()
+        now_s = self._tell()
+        for hand, since in self._since.items():
+            self._since[hand] = [
+                (number, max(at_s, now_s + NOTICED_S) if at_s > now_s - seconds else at_s) for number, at_s in since
+            ]
+        for cause, (number, at_s) in self._latched.items():
+            if at_s > now_s - seconds:
+                self._latched[cause] = number, max(at_s, now_s + NOTICED_S)
 
     def asked_to_stop(self) -> None:
         """Note that the process was asked to end."""

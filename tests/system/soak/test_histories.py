@@ -34,6 +34,12 @@ def test_a_new_permit_after_a_planners_loss_gives_the_car_to_the_next_planner_in
     assert found.violations == {}, found.kept
 
 
+def test_what_a_stalled_process_has_not_seen_and_a_law_whose_permit_is_over_break_no_rule():
+    """Faults just before a stall of 0.1 s, and a law that raised just before the operator took the car by hand."""
+    found = tell([202159, 212564, 216455, 207085, 209405])
+    assert found.violations == {}, found.kept
+
+
 def test_the_same_seed_is_the_same_history():
     assert tell([7]) == tell([7])
 
