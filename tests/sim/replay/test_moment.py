@@ -17,12 +17,25 @@ def log(dead_end):
     return read_log(dead_end)
 
 
-def test_a_scan_that_safety_slowed_the_car_at(log):
-    found = moment_at_scan(log, 200)
+@pytest.fixture
+def slowed(log):
+    """The scan before the first decision that slowed the car for a wall ahead, and that decision."""
+    scan = -1
+    for event in events_of(log):
+        if isinstance(event, FollowerEvent):
+            scan = event.sequence
+        elif isinstance(event, DecisionEvent) and event.output.decision.reason == "slower: wall ahead":
+            return scan, event.output.decision
+    raise AssertionError("the drive to a dead end is never slowed for the wall ahead")
+
+
+def test_a_scan_that_safety_slowed_the_car_at(log, slowed):
+    scan, decision = slowed
+    found = moment_at_scan(log, scan)
     title, follower, decided, driver, sent = found.lines()
-    assert title == f"scan 200, {found.time_s:.3f} s"
+    assert title == f"scan {scan}, {found.time_s:.3f} s"
     assert follower.endswith(": wall")
-    assert decided.startswith("  decided   safety: 1.06 m/s: slower: wall ahead, ")
+    assert decided.startswith(f"  decided   safety: {decision.speed_mps:.2f} m/s: slower: wall ahead, ")
     assert driver.endswith("the drive is of navigation")
     assert found.output is not None
     assert sent.startswith(f"  sent      {found.output.drive.speed_mps:.2f} m/s")
@@ -60,9 +73,10 @@ def test_it_says_when_the_recording_ends_before_the_decision(log, monkeypatch):
     assert moment_at_scan(log, 200).as_plain()["decision"] is None
 
 
-def test_the_command(dead_end, capsys):
-    assert main(["replay", str(dead_end), "--scan", "200"]) == 0
-    assert "decided   safety: 1.06 m/s: slower: wall ahead" in capsys.readouterr().out
+def test_the_command(dead_end, slowed, capsys):
+    scan, decision = slowed
+    assert main(["replay", str(dead_end), "--scan", str(scan)]) == 0
+    assert f"decided   safety: {decision.speed_mps:.2f} m/s: slower: wall ahead" in capsys.readouterr().out
     assert main(["replay", str(dead_end), "--at", "5", "--json", "-"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["time_s"] <= 5.0 < answer["time_s"] + 0.03
