@@ -2,8 +2,10 @@
 
 import asyncio
 import csv
+import json
 import math
 import os
+import re
 import sys
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -55,13 +57,15 @@ def wallride_problem():
     return ConnectionProblemError
 
 
-async def run(name, *arguments, at=""):
+async def run(name, *arguments, at="", folder=None):
     process = await asyncio.create_subprocess_exec(
-        sys.executable, str(EXAMPLES / name), *map(str, arguments), env={**os.environ, "WALLRIDE_CONNECT": at},
+        sys.executable, str(EXAMPLES / name), *map(str, arguments), cwd=folder,
+        env={**os.environ, "WALLRIDE_CONNECT": at, "MPLBACKEND": "agg"},
         stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.STDOUT,
     )  # fmt: skip
     output, _ = await process.communicate()
     assert process.returncode == 0, output.decode()
+    return output.decode()
 
 
 @pytest.fixture(scope="module")
@@ -152,3 +156,18 @@ def standing(endpoint):
 
 def places(file):
     return np.array([(odom.x_m, odom.y_m) for odom in wallride.open_recording(file).topic("odom")])
+
+
+async def test_the_notebook_runs_from_its_first_cell_to_its_last(tmp_path):
+    cells = json.loads((ROOT / "docs" / "first-drive.ipynb").read_text(encoding="utf-8"))["cells"]
+    assert all(cell.get("outputs", []) == [] for cell in cells), "kept without outputs: they age"
+    code = "\n\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    script = tmp_path / "first_drive.py"
+    script.write_text(code.replace("SECONDS_S = 10.0", "SECONDS_S = 3.0"))
+    async with simulated(tmp_path, "operator.permit=always", "recording.start=always") as endpoint:
+        said = await run(script, at=endpoint, folder=tmp_path)
+    driven_m, *errors_cm = (float(found) for found in re.findall(r"([\d.]+) (?:m in|cm)", said))
+    assert 1.0 <= driven_m < 1.2
+    assert len(errors_cm) == 2, said
+    assert all(0.0 <= error_cm < 60.0 for error_cm in errors_cm), said
+    assert list(tmp_path.glob("drives/sim/*.mcap"))
