@@ -9,7 +9,6 @@ an attachment of exactly 33 bytes: a ROS 2 process that cannot parse one aborts,
 Source: ros2/rmw_zenoh, design.md and liveliness_utils.cpp.
 """
 
-import hashlib
 import re
 import struct
 from enum import StrEnum
@@ -119,8 +118,10 @@ def node_name(car: str) -> str:
 
 
 def gid(token: str) -> bytes:
-    """Return the 16 bytes by which ROS 2 tells publishers apart."""
-    return hashlib.blake2b(token.encode(), digest_size=GID_BYTES).digest()
+    """Return the 16 bytes by which ROS 2 tells publishers apart: as rmw_zenoh_cpp derives them from the token."""
+    import xxhash  # here: only the ROS 2 face needs it
+
+    return xxhash.xxh3_128_intdigest(token.encode()).to_bytes(GID_BYTES, "little")
 
 
 def attachment(sequence: int, stamp_ns: int, publisher: bytes) -> bytes:
