@@ -97,16 +97,20 @@ class RemoteDriver(SourceBlock):
                 async with asyncio.timeout(LATCHED_WITHIN_S):
                     await self._latched.wait()
         elif orderly and self._bus is not None and self._hand.asked and not self._obeyed.is_set():
-            await self._ask_once_more(self._bus)
+            await self._wait_for_the_answer()
         await super()._end(orderly=orderly)
 
-    async def _ask_once_more(self, bus: Bus) -> None:
-        """Wait for the car's answer to a press, released: a block may be shorter than the way to the car and back."""
-        self._step(bus, time.monotonic())  # of a block shorter than PERIOD_S this is the first, with centred sticks
+    async def _wait_for_the_answer(self) -> None:
+        """Hold the deadman with centred sticks until the car answers, at most MINDED_S, and release it.
+
+        A block may be shorter than the way to the car and back, and the car's rate limit drops a press that comes
+        within 2 ms after the release before it.
+        """
+        until_s = time.monotonic() + MINDED_S
+        while not self._obeyed.is_set() and not self._hand.trouble and (now_s := time.monotonic()) < until_s:
+            self._hand.send(0.0, 0.0, now_s)
+            await asyncio.sleep(PERIOD_S)
         self._hand.release()
-        with suppress(TimeoutError):
-            async with asyncio.timeout(MINDED_S):
-                await self._obeyed.wait()
 
     def _unobeyed(self) -> str:
         if self._hand.stopping:

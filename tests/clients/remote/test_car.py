@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import wallride
+from tests.clients.monitor.fake_car import FakeCar as DeskCar
 from tests.clients.speaking_car import speaking_car
 from tests.clients.teleop.test_app import FakeCar
 from tests.clients.test_logs import Car as CarWithRecorder
@@ -19,6 +20,7 @@ from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.remote.driver import DriveRefusedError
 from wallride.clients.remote.values import OdometrySample, ScanSample
 from wallride.runtime.wire.network import RefusedError
+from wallride.runtime.wire.ports import free_endpoint
 from wallride.runtime.wire.teleop import Press
 
 
@@ -240,6 +242,20 @@ async def test_a_block_that_stalls_at_its_end_ends_with_the_error():
 
         with pytest.raises(DriveRefusedError, match=r"sent nothing for 0\.2 s; begin anew"):
             await in_thread(script)
+
+
+async def test_a_block_of_one_command_is_obeyed_and_moves_nothing():
+    async with DeskCar(free_endpoint(), permit="required") as car:
+
+        def script():
+            with wallride.connect(at=car.bus.endpoint) as remote:
+                for _ in range(5):
+                    with remote.drive() as hand:
+                        hand.send(0.5, 0.1)
+
+        await in_thread(script)
+        assert {speed_mps for _, speed_mps in car.history} == {0.0}
+        assert car.desk.view().accepted > 5 * 3
 
 
 @pytest.mark.parametrize("sends", [1, 5])
