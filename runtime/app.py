@@ -334,6 +334,7 @@ class Car:
             battery=self.battery.status,
             computer=self.computer.status if self.computer is not None else dict,
             operator=self.operator.view,
+            held=lambda: self.operator.command,
             planners=self.planners.status,
             link=lambda: {"endpoint": self.bus.endpoint, "open": self.bus.is_open, "dropped": self.bus.dropped},
             routers=lambda: self.bus.routers,

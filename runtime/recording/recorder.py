@@ -58,6 +58,7 @@ PERIODS_S: Mapping[str, float] = MappingProxyType(
         topics.SAFETY: 0.05,
         topics.NAVIGATION: 0.05,
         topics.TELEOP: 0.05,
+        topics.JOY: 0.05,
         topics.ODOM: 0.05,
         topics.TF: 0.05,
         topics.MOTOR: 0.05,

@@ -17,6 +17,7 @@ TYPES: Mapping[str, str] = MappingProxyType(
         topics.NAVIGATION: "ackermann_msgs/msg/AckermannDriveStamped",
         topics.SAFETY: "ackermann_msgs/msg/AckermannDriveStamped",
         topics.TELEOP: "ackermann_msgs/msg/AckermannDriveStamped",
+        topics.JOY: "sensor_msgs/msg/Joy",
         topics.OUTPUT: "ackermann_msgs/msg/AckermannDriveStamped",
         topics.DISTANCE_ERROR: "std_msgs/msg/Float32",
         topics.WALL: "visualization_msgs/msg/MarkerArray",

@@ -137,6 +137,16 @@ def battery(stamp_ns: int, voltage_v: float, current_a: float) -> bytes:
     return out.done()
 
 
+def joy(stamp_ns: int, axes: Sequence[float], buttons: Sequence[int]) -> bytes:
+    """Return sensor_msgs/Joy."""
+    out = _stamped(stamp_ns, "joy")
+    out.put("I", len(axes))
+    out.put("f" * len(axes), *axes)
+    out.put("I", len(buttons))
+    out.put("i" * len(buttons), *buttons)
+    return out.done()
+
+
 def diagnostics(stamp_ns: int, reports: Sequence[DiagnosticStatus]) -> bytes:
     """Return diagnostic_msgs/DiagnosticArray."""
     out = _stamped(stamp_ns, "")

@@ -32,6 +32,8 @@ class RatesHz(Section):
     """Maximum rate of the follower's command; 0: off."""
     teleop: Rate = 20.0
     """Maximum rate of the operator's command; 0: off."""
+    joy: Rate = 20.0
+    """Maximum rate of what the operator holds, as a gamepad; 0: off."""
     scan: Rate = 20.0
     """Maximum rate of the scans; 0: off."""
     odom: Rate = 20.0

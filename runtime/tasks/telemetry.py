@@ -34,8 +34,8 @@ BY_SCAN = (topics.SCAN, SCAN_BY_BEAM)
 BY_GUIDANCE = (topics.WALL,)
 BY_MOTOR = (topics.ODOM, topics.TF, TF_ODOM, topics.MOTOR, topics.BATTERY)
 BY_OUTPUT = (
-    topics.DECISION, topics.STATUS, topics.SAFETY, topics.NAVIGATION, topics.TELEOP, topics.FOOTPRINT,
-    topics.DIAGNOSTICS,
+    topics.DECISION, topics.STATUS, topics.SAFETY, topics.NAVIGATION, topics.TELEOP, topics.JOY,
+    topics.FOOTPRINT,     topics.DIAGNOSTICS,
 )  # fmt: skip
 BURST_PERIOD_S = 0.04
 """Period of the bursts. Decisions come every 20 or 25 ms, so that every second one begins a burst: 20 or 25 a

@@ -27,7 +27,7 @@ from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.score import Score
 from wallride.runtime.realtime.stage_timing import StageTimer
 from wallride.runtime.teleop.status import OperatorView
-from wallride.runtime.wire.teleop import session_text
+from wallride.runtime.wire.teleop import Command, session_text
 
 LATENCIES = 400
 NO_WORD = "no word"
@@ -92,8 +92,8 @@ class Latency:
 class ObservedState:
     """References to the observable objects; nothing here is owned.
 
-    operator: the operator's side, None where there is none. planners: those outside the car. window: faults of the
-        lidar window, as text.
+    operator: the operator's side, None where there is none. held: its newest command, while it holds.
+    planners: those outside the car. window: faults of the lidar window, as text.
     link: the session as plain values. routers: why nothing goes to each, "" while it does.
     seconds_by_winner: the mux's own account. timings: of the hot path's stages.
     recording: state of the recorder. session: this start of the process, as in every heartbeat; 0 where there is none.
@@ -111,6 +111,7 @@ class ObservedState:
     seconds_by_winner: Mapping[str, float]
     window: Callable[[], Sequence[str]] = tuple
     operator: Callable[[], OperatorView] | None = None
+    held: Callable[[], Command | None] = lambda: None
     planners: Callable[[], Mapping[str, Any]] = dict
     link: Callable[[], Mapping[str, Any]] = dict
     routers: Callable[[], Mapping[str, str]] = dict

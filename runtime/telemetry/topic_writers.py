@@ -16,6 +16,7 @@ from wallride.runtime.ros.graph import SCAN_BY_BEAM, TF_ODOM
 from wallride.runtime.ros.messages import DiagnosticStatus, Floats, Frame
 from wallride.runtime.telemetry import marker_writers
 from wallride.runtime.telemetry import status as car_status
+from wallride.runtime.telemetry.pad import axes_and_buttons
 from wallride.runtime.telemetry.status import Journey, ObservedState, SourceStatus
 from wallride.runtime.wire import topics
 
@@ -75,6 +76,7 @@ class TopicWriters:
             topics.SAFETY: self._safety,
             topics.NAVIGATION: lambda: self._voice(Source.NAVIGATION),
             topics.TELEOP: lambda: self._voice(Source.TELEOP),
+            topics.JOY: self._joy,
             topics.ODOM: self._odom,
             topics.TF: self._tf,
             TF_ODOM: self._transforms,
@@ -154,6 +156,13 @@ class TopicWriters:
             return None
         stamp_s = word.scan_stamp_s if word.scan_stamp_s is not None else self._observed.clock()
         return self._drive(stamp_s, word.drive.speed_mps, word.drive.steering_rad)
+
+    def _joy(self) -> Message | None:
+        """Return what the operator holds; None without an operator."""
+        command, stamp_s = self._observed.held(), self._observed.clock()
+        if command is None:
+            return None
+        return stamp_s, messages.joy(self.unix_ns(stamp_s), *axes_and_buttons(command, self._car))
 
     def _odom(self) -> Message | None:
         state, pose = self._newest.motor, self._journey.pose

@@ -76,6 +76,7 @@ class OperatorDesk:
         self._futile_until_s = -math.inf  # until then a client presses without a release before
         self._accepted = 0
         self._round_trip_s: float | None = None
+        self._command: Command | None = None  # the operator's newest
 
     def receive(self, _key: str, payload: bytes, arrival_s: float) -> None:
         """Take in one command; never raises, whatever the payload is.
@@ -109,6 +110,13 @@ class OperatorDesk:
     def tick(self) -> None:
         """Detect missing commands; call at the rate of the heartbeats."""
         self._notice_silence(self._clock())
+
+    @property
+    def command(self) -> Command | None:
+        """The operator's newest command; None without an operator, or once it has expired."""
+        operator = self._operator
+        is_fresh = operator is not None and self._lost is None and self._clock() < operator.fresh_until_s
+        return self._command if is_fresh else None
 
     @property
     def is_attended(self) -> bool:
@@ -174,6 +182,8 @@ class OperatorDesk:
             self._end_what_is_held(session)
         else:
             self._press(session, command)
+        if session is self._operator:
+            self._command = command
 
     def _end_what_is_held(self, session: TeleopSession) -> None:
         """Stop what the operator held until now: a press in its place ends it, also one that does not count."""

@@ -20,7 +20,7 @@ SENT = {*telemetry.BY_SCAN, *telemetry.BY_GUIDANCE, *telemetry.BY_MOTOR, *teleme
     TF_ODOM,
     SCAN_BY_BEAM,
 }
-WITHOUT_NUMBER = {topics.SCAN, topics.TF, topics.WALL, topics.FOOTPRINT, topics.DIAGNOSTICS}
+WITHOUT_NUMBER = {topics.SCAN, topics.TF, topics.WALL, topics.FOOTPRINT, topics.DIAGNOSTICS, topics.JOY}
 """Topics that have no one number to plot."""
 LISTS = {
     "RatesHz in runtime/settings/telemetry.py": (set(RatesHz.model_fields), PUBLISHED),

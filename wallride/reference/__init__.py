@@ -50,6 +50,7 @@ MEANINGS: Final[Mapping[str, str]] = {
     topics.FOOTPRINT: "markers: the outline, the swept path, and what stops the car",
     topics.NAVIGATION: "the follower's drive command",
     topics.TELEOP: "the operator's drive command, while an operator drives",
+    topics.JOY: "what the operator holds, as the pad of an Xbox (`runtime/telemetry/pad.py`), while one is there",
     topics.SAFETY: "the driver's command with the speed that safety allows",
     topics.OUTPUT: "the drive command that was sent to the motor",
     topics.DECISION: "the mux's decision: source, reason, speed asked for and allowed; each change at once",

@@ -38,6 +38,7 @@ SAMPLES = {
     ),
     topics.IMU: messages.imu(STAMP_NS, (0.1, 0.2, 0.3), (1.0, 2.0, 9.81)),
     topics.MOTOR: messages.motor(STAMP_NS, MOTOR),
+    topics.JOY: messages.joy(STAMP_NS, (0.0, 0.5, 1.0), (0, 1)),
     topics.BATTERY: messages.battery(STAMP_NS, 11.5, 2.25),
     topics.DIAGNOSTICS: messages.diagnostics(
         STAMP_NS,

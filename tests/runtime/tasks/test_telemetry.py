@@ -25,6 +25,7 @@ from wallride.runtime.tasks.telemetry import BURST_PERIOD_S, Telemetry
 from wallride.runtime.telemetry.sinks import ZenohSink
 from wallride.runtime.telemetry.topic_writers import TopicWriters
 from wallride.runtime.wire import topics
+from wallride.runtime.wire.teleop import Command, Input, Press
 
 __all__ = ["law_file"]
 EPOCH_NS = 1_790_000_000_000_000_123
@@ -90,7 +91,7 @@ async def test_one_scan_brings_every_topic_that_has_something_to_say():
     rig = Rig()
     rig.drive_once()
     kept = await rig.written()
-    silent = {topics.TELEOP, topics.IMU}
+    silent = {topics.TELEOP, topics.JOY, topics.IMU}
     native = [one for one in kept.kept if one[0] not in {TF_ODOM, SCAN_BY_BEAM}]  # which only the sink for ROS 2 claims
     assert {topic for topic, *_ in native} == {*TYPES, *topics.JSON_TOPICS} - silent
     for topic, schema, stamp_s, payload in native:
@@ -255,6 +256,15 @@ async def test_a_silent_voice_publishes_nothing():
     kept = await rig.written()
     assert decoded(kept.of(topics.NAVIGATION)[0], topics.NAVIGATION).drive.steering_angle == pytest.approx(0.1)
     assert kept.of(topics.TELEOP) == []
+
+
+async def test_what_an_operator_holds_is_published_as_a_pad():
+    rig = Rig(Keeper(topics.JOY))
+    rig.observed.held = lambda: Command(1, 1, 1, 1, Press.MANUAL, Input.PAGE, speed_mps=2.0)
+    rig.drive_once()
+    (payload,) = (await rig.written()).of(topics.JOY)
+    pad = decoded(payload, topics.JOY)
+    assert (list(pad.axes), list(pad.buttons)) == ([0, 0.5, 1, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0])
 
 
 async def test_latency_and_score_are_kept_for_the_status():

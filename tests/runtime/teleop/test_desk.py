@@ -38,6 +38,24 @@ def test_the_word_ends_with_the_beat_it_echoed(rig):
     assert rig.speed_mps == 0
 
 
+def test_what_the_operator_holds_is_known_until_it_expires(rig):
+    ann, bob = rig.client(), rig.client("Bob")
+
+    def held():
+        command = rig.desk.command
+        return command and command.flags
+
+    assert held() is None
+    ann.click()
+    assert held() == MANUAL
+    bob.send(NOTHING)
+    assert held() == MANUAL, "only the operator's"
+    ann.send(NOTHING)
+    assert held() == NOTHING
+    rig.stall(0.2)
+    assert held() is None
+
+
 def test_the_permit_is_a_lease():
     rig = Rig("required")
     ann = rig.client()
