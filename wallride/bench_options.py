@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from wallride.failure import needs
-from wallride.parser import add_json
+from wallride.parser import add_json, at_least
 
 MEASUREMENTS = {
     "latency": "latency from a scan's last byte to the motor's first; emulated devices, the unmodified process",
@@ -37,7 +37,9 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 def add_outputs(parser: argparse.ArgumentParser) -> None:
     """Add the options of every measurement."""
-    parser.add_argument("--runs", type=int, metavar="N", help="number of runs; the median is reported (default: 3)")
+    parser.add_argument(
+        "--runs", type=at_least(1), metavar="N", help="number of runs; the median is reported (default: 3)"
+    )
     parser.add_argument("--short", action="store_true", help="one run of a few seconds, as a trial")
     add_json(parser, "all runs and their medians")
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wallride import client_options
+from wallride.parser import at_least
 from wallride.runtime.host.terminal_text import say
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ def add(commands: "Commands") -> None:
     listing = actions.add_parser("list", help="list the recordings of a car or a local folder")
     getting = actions.add_parser("get", help="copy recordings from a car (default: the newest)")
     getting.add_argument("names", nargs="*", metavar="NAME", help="as in `wallride logs list`")
-    getting.add_argument("--last", type=_count, default=1, metavar="N", help="the newest N (default: 1)")
+    getting.add_argument("--last", type=at_least(1), default=1, metavar="N", help="the newest N (default: 1)")
     getting.add_argument("--black-boxes", action="store_true", help="only black boxes")
     getting.add_argument(
         "-o",
@@ -36,7 +37,7 @@ def add(commands: "Commands") -> None:
         help="folder to write to, into a folder of the car (default: the current one)",
     )
     trimming = actions.add_parser("trim", help="delete the oldest recordings down to a size")
-    trimming.add_argument("--keep-mb", type=_size, required=True, metavar="MB", help="total size to keep")
+    trimming.add_argument("--keep-mb", type=at_least(0), required=True, metavar="MB", help="total size to keep")
     for action in (listing, getting, trimming):
         client_options.add_common(action)
         action.add_argument(
@@ -84,17 +85,3 @@ def _progress(name: str, got_bytes: int, of_bytes: int) -> None:
     if sys.stderr.isatty():
         end = "\n" if got_bytes >= of_bytes else ""
         print(f"\r{name}  {got_bytes / MB:.1f} of {of_bytes / MB:.1f} MB", end=end, file=sys.stderr, flush=True)
-
-
-def _count(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError("at least 1")
-    return number
-
-
-def _size(text: str) -> int:
-    number = int(text)
-    if number < 0:
-        raise argparse.ArgumentTypeError("at least 0")
-    return number

@@ -4,6 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from wallride import client_options
+from wallride.parser import at_least
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
@@ -24,7 +25,7 @@ def add(commands: "Commands") -> None:
         "assignments", nargs="*", metavar="NAME=VALUE", help="further settings to write, in effect after a restart"
     )
     past = actions.add_parser("history", help="list changes with time and author")
-    past.add_argument("-n", dest="most", type=int, default=50, metavar="N", help="the newest N (default: 50)")
+    past.add_argument("-n", dest="most", type=at_least(1), default=50, metavar="N", help="the newest N (default: 50)")
     for action in (listing, reading, past):
         action.add_argument("--json", action="store_true", help="print JSON")
     for action in (listing, reading, setting, saving, past):

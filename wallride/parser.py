@@ -5,7 +5,7 @@ import difflib
 import os
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Never
 
@@ -31,6 +31,8 @@ GROUPS: Final[Mapping[str, Sequence[str]]] = {
 }  # fmt: skip
 """By title, the commands in the order of the help; one that stands in no group is shown in a last one."""
 OTHERS: Final = "others"
+NEAR: Final = 0.7
+"""Similarity from which a name is suggested: of --laps and --help it is 0.67."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -45,11 +47,11 @@ class Parser(argparse.ArgumentParser):
         raise SystemExit(USAGE_ERROR)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:  # noqa: ANN401 - as argparse has it
-        """Parse; an unknown option that is nearly a known one of this command ends with that."""
+        """Parse; an unknown option ends with the nearest known one of this command, which names itself."""
         parsed, unknown = super().parse_known_args(args, namespace)
         for text in unknown:
-            if text.startswith("--") and (meant := did_you_mean(text.partition("=")[0], self._options())):
-                self.error(f"unrecognized arguments: {text}{meant}")
+            if text.startswith("--"):
+                self.error(f"unrecognized arguments: {text}{did_you_mean(text.partition('=')[0], self._options())}")
         return parsed, unknown
 
     def _options(self) -> list[str]:
@@ -90,7 +92,7 @@ class GroupedParser(Parser):
 
 def did_you_mean(wrong: str, known: Sequence[str]) -> str:
     """Return "; did you mean X?" for the nearest known name, "" where none is near."""
-    near = difflib.get_close_matches(wrong, known, 1)
+    near = difflib.get_close_matches(wrong, known, 1, NEAR)
     return f"; did you mean {near[0]}?" if near else ""
 
 
@@ -136,9 +138,22 @@ def add_set(command: argparse.ArgumentParser) -> None:
     )
 
 
+def at_least(lowest: int) -> Callable[[str], int]:
+    """Return a converter of an option's text to a whole number that is not below this one."""
+
+    def whole(text: str) -> int:
+        number = int(text)
+        if number < lowest:
+            raise argparse.ArgumentTypeError(f"at least {lowest}")
+        return number
+
+    whole.__name__ = "whole number"  # argparse names it where the text is none
+    return whole
+
+
 def add_jobs(command: argparse.ArgumentParser) -> None:
     """Add --jobs N."""
-    command.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
+    command.add_argument("--jobs", type=at_least(1), metavar="N", help="processes (default: one per core)")
 
 
 def add_json(command: argparse.ArgumentParser, what: str) -> None:

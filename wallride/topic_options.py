@@ -4,6 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from wallride import client_options
+from wallride.parser import at_least
 from wallride.runtime.host.terminal_text import say
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ def add(commands: "Commands") -> None:
     for action in (rate, volume, echo):
         action.add_argument("topic", metavar="TOPIC", help="scan, /scan or wallride/car1/scan")
         action.add_argument(
-            "-n", "--count", type=int, default=0, metavar="N", help="stop after N messages (default: never)"
+            "-n", "--count", type=at_least(0), default=0, metavar="N", help="stop after N messages (default: never)"
         )
     for action in (rate, volume):
         action.add_argument("--json", action="store_true", help="print JSON, a line per second")

@@ -31,7 +31,7 @@ class VehicleSettings(BaseModel):
     cg_height_m: NotNegative = 0.074
     mass_kg: Positive = 3.74
     yaw_inertia_kgm2: Positive = 0.04712
-    grip_mu: Positive = 0.8
+    grip_mu: Annotated[float, Field(gt=0, le=2)] = 0.8
     cornering_front_per_rad: Positive = 4.718
     cornering_rear_per_rad: Positive = 5.4562
     max_steering_rad: Annotated[float, Field(gt=0, lt=1.2)] = 0.34

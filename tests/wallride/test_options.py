@@ -124,3 +124,18 @@ def test_a_missing_package_is_one_sentence_that_names_the_extra(monkeypatch, cap
     said = capsys.readouterr().err
     assert "the monitor needs" in said
     assert ".[monitor]" in said
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("bench latency --runs 0", "argument --runs: at least 1"),
+        ("vesc set --nothing x", "wallride vesc set: unrecognized arguments: --nothing (wallride vesc set --help"),
+        ("race --laps 3", "unrecognized arguments: --laps (wallride race --help"),
+        ("lab hazards --jobs two", "argument --jobs: invalid whole number value: 'two'"),
+    ],
+)
+def test_a_wrong_option_names_its_own_command(line, words, capsys):
+    with pytest.raises(SystemExit):
+        main(line.split())
+    assert words in capsys.readouterr().err

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wallride.failure import needs
-from wallride.parser import add_jobs, add_set
+from wallride.parser import add_jobs, add_set, at_least
 from wallride.sim_options import add_car
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def add(experiments: "Commands") -> None:
     )  # fmt: skip
     add_set(tune)
     add_car(tune)
-    tune.add_argument("--trials", type=int, default=200, metavar="N", help="trials in all (default: 200)")
+    tune.add_argument("--trials", type=at_least(1), default=200, metavar="N", help="trials in all (default: 200)")
     tune.add_argument(
         "-o", dest="output", type=Path, default=Path("lab-tune"), metavar="DIR",
         help="folder of the study, tuned.toml and tuning.html; a study there goes on (default: lab-tune)",

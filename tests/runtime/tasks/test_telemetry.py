@@ -50,9 +50,9 @@ class Keeper:
 
 
 class Rig:
-    def __init__(self, *sinks):
+    def __init__(self, *sinks, **observed):
         self.clock = HandClock()
-        self.observed = make_observed(self.clock)
+        self.observed = replace(make_observed(self.clock), **observed)
         self.sinks = sinks or (Keeper(),)
         self.telemetry = Telemetry(
             self.observed,
@@ -142,9 +142,11 @@ async def test_a_turn_of_the_loop_writes_for_a_fifth_of_a_millisecond_at_most(mo
     write, writes = TopicWriters.write, []
 
     def write_slowly(writers, topic):
-        rig.clock.now_s += 0.00015
-        writes.append(topic)
-        return write(writers, topic)
+        message = write(writers, topic)
+        if message is not None:
+            rig.clock.now_s += 0.00015
+            writes.append(topic)
+        return message
 
     monkeypatch.setattr(TopicWriters, "write", write_slowly)
     task = asyncio.create_task(rig.telemetry.run())
@@ -259,8 +261,8 @@ async def test_a_silent_voice_publishes_nothing():
 
 
 async def test_what_an_operator_holds_is_published_as_a_pad():
-    rig = Rig(Keeper(topics.JOY))
-    rig.observed.held = lambda: Command(1, 1, 1, 1, Press.MANUAL, Input.PAGE, speed_mps=2.0)
+    command = Command(1, 1, 1, 1, Press.MANUAL, Input.PAGE, speed_mps=2.0)
+    rig = Rig(Keeper(topics.JOY), held=lambda: command)
     rig.drive_once()
     (payload,) = (await rig.written()).of(topics.JOY)
     pad = decoded(payload, topics.JOY)
