@@ -26,12 +26,13 @@ import numpy.typing as npt
 
 from benchmarks.hand_overs import HandOver
 from benchmarks.hand_overs import decisions as handed_over
+from benchmarks.lab.recorded.replay import replay
+from benchmarks.lab.recordings import recordings_in
 from tests.system.soak.histories import History
 from wallride.runtime.arbitration.command import Decision, Output
-from wallride.sim.lab.recorded.replay import better_side, replay
-from wallride.sim.lab.recordings import is_foreign, recordings_in
 from wallride.sim.lab.sweep.drive_cell import CellMistakeError, DriveCell, drive_setup, setup_of
 from wallride.sim.recordings import RecordingError, load_recording
+from wallride.sim.recordings.scans import better_side, is_foreign
 from wallride.sim.virtual.virtual_time import run_virtual
 from wallride.sim.world.own_parts import OWN_PARTS
 

@@ -23,32 +23,21 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     for name, what in MEASUREMENTS.items():
         parser = measurements.add_parser(name, help=what, description=what[:1].upper() + what[1:] + ".")
         parser.set_defaults(run=run, plot=None)
-        add_outputs(parser)
+        parser.add_argument(
+            "--runs", type=at_least(1), metavar="N", help="number of runs; the median is reported (default: 3)"
+        )
+        parser.add_argument("--short", action="store_true", help="one run of a few seconds, as a trial")
+        add_json(parser, "all runs and their medians")
         if name == "latency":
             parser.add_argument("--plot", type=Path, metavar="DIR", help="draw a histogram, DIR/latency.png")
         parser.add_argument(
             "--set", dest="assignments", action="append", default=[], metavar="KEY=VALUE",
             help="override one of the car's settings (repeatable)",
         )  # fmt: skip
-    sim = measurements.add_parser("sim", help="the simulator: steps per second on one core, and its error")
-    sim.set_defaults(run=run)
-    add_outputs(sim)
-
-
-def add_outputs(parser: argparse.ArgumentParser) -> None:
-    """Add the options of every measurement."""
-    parser.add_argument(
-        "--runs", type=at_least(1), metavar="N", help="number of runs; the median is reported (default: 3)"
-    )
-    parser.add_argument("--short", action="store_true", help="one run of a few seconds, as a trial")
-    add_json(parser, "all runs and their medians")
 
 
 def run(options: argparse.Namespace) -> int:
     """Measure; exit code 2 when a package of the simulator is missing, 1 when a run was broken."""
     with needs("sim", "benchmarks need"):
-        if options.measurement == "sim":
-            from wallride.sim.bench.simulator import run as measure
-        else:
-            from wallride.sim.bench.command import run as measure
-    return int(measure(options))
+        from wallride.sim.bench.command import run as measure
+    return measure(options)

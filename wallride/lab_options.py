@@ -10,23 +10,17 @@ from wallride.sweeps import options as sweep_options
 
 EXPERIMENTS = {
     "walls": "the report's five tests and more courses: error, settling, contacts, beside the physical limit",
-    "corners": "corners of real buildings and lanes that turn: --method ball,prototype compares with a baseline",
     "safety": "obstacles at the report's 28 speeds and distances: stopped, or the impact beside what physics allows",
     "hazards": "obstacles before a driver that ignores them, and drives that need no stop",
     "laps": "lap time and error on the loop and on maps",
     "window": "dirt on the lidar's window: beams found, missed and falsely masked",
     "covers": "a covered or silent lidar, from the start or while driving: contacts that a brake avoids",
     "rooms": "clutter and people in the way: contacts, stuck cars, time until driving resumes",
-    "recordings": "real recordings: noise, dirt, braking at walls, needless stops",
     "stories": "the whole process in virtual time: laps, pulled cables, dirt, people, dead ends",
 }
 FIT = "estimates a real car's delay, servo, noise, trim and own parts from recordings, for `sim` and `lab`"
-FIXED = ("recordings", "stories")
-"""Experiments with fixed laws, speeds, floors, sides and seeds."""
 WITH_SETTINGS = ("walls", "safety", "hazards", "laps")
-"""Experiments whose cars take settings."""
-WITH_CONDITIONS = (*WITH_SETTINGS, "corners")
-"""Experiments whose simulated car can be another one, as `wallride lab fit` found it."""
+"""Experiments whose cars take settings, and whose simulated car can be another one, as `wallride lab fit` found it."""
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -35,41 +29,47 @@ def add(parser: argparse.ArgumentParser) -> None:
     report_options.add(experiments)
     tune_options.add(experiments)
     for name, what in EXPERIMENTS.items():
-        parser = experiments.add_parser(name, help=what, description=what[:1].upper() + what[1:] + ".")
-        if name in FIXED:
-            parser.set_defaults(method="ball", speeds=None, mu=None, side=None, seed=1000, seeds=1)
-        else:
-            _add_variations(parser)
-        _add_outputs(parser)
+        parser = add_experiment(experiments, name, what, fixed=name == "stories")
         if name in WITH_SETTINGS:
             add_set(parser)
-        parser.set_defaults(conditions=None, condition=[], own_parts=None)
-        if name in WITH_CONDITIONS:
             add_car(parser)
-        if name in WITH_SETTINGS:
             parser.add_argument(
                 "--own-parts",
                 metavar="KIND",
                 help="parts of the car that its lidar sees (default: a kind on every odd seed)",
             )
-        if name in {"walls", "laps", "corners"}:
-            parser.add_argument("--distance", metavar="M", help="wanted distance to the wall in m (default: 1)")
+        if name in {"walls", "laps"}:
+            add_distance(parser)
         if name in {"laps", "rooms"}:
             parser.add_argument("--generated", action="store_true", help="generated courses instead, from the seeds")
-        if name in {"laps", "corners"}:
-            parser.add_argument(
-                "--maps", type=Path, metavar="DIR", help="folder of ROS maps (default: data/maps nearby)"
-            )
-        if name == "recordings":
-            parser.add_argument(
-                "folder",
-                type=Path,
-                nargs="?",
-                metavar="DIR",
-                help="folder of recordings, or one recording (default: data/racecar nearby)",
-            )
+        if name == "laps":
+            add_maps(parser)
     _add_fit(experiments.add_parser("fit", help=FIT, description=FIT[:1].upper() + FIT[1:] + "."))
     sweep_options.add(experiments)
+
+
+def add_experiment(
+    experiments: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, what: str, *, fixed: bool
+) -> argparse.ArgumentParser:
+    """Add an experiment. fixed: laws, speeds, floors, sides and seeds are its own."""
+    parser = experiments.add_parser(name, help=what, description=what[:1].upper() + what[1:] + ".")
+    parser.set_defaults(conditions=None, condition=[], own_parts=None)
+    if fixed:
+        parser.set_defaults(method="ball", speeds=None, mu=None, side=None, seed=1000, seeds=1)
+    else:
+        _add_variations(parser)
+    _add_outputs(parser)
+    return parser
+
+
+def add_distance(parser: argparse.ArgumentParser) -> None:
+    """Add the wanted distance."""
+    parser.add_argument("--distance", metavar="M", help="wanted distance to the wall in m (default: 1)")
+
+
+def add_maps(parser: argparse.ArgumentParser) -> None:
+    """Add the folder of maps."""
+    parser.add_argument("--maps", type=Path, metavar="DIR", help="folder of ROS maps (default: data/maps nearby)")
 
 
 def _add_fit(parser: argparse.ArgumentParser) -> None:

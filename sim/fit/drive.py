@@ -8,8 +8,8 @@ from typing import TypeVar
 import numpy as np
 
 from wallride.runtime.calibration.responses import CommandSteps
-from wallride.sim.lab.recorded.scan_motion import motion_of
 from wallride.sim.recordings import CommandTrack, OdometryTrack, Recording
+from wallride.sim.recordings.scans import motion_of
 from wallride.sim.world.pose import Floats
 
 MAX_GAP_S = 0.15

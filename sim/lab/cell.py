@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from wallride.sim.world.own_parts import kind_of
@@ -111,3 +113,8 @@ class Experiment:
     measure: Callable[[Cell], Figures]
     tables: Callable[[Sequence[Mapping[str, Any]]], list[TabledCell]]
     plot: Callable[[Path, Cell, Figures], None] | None = None
+
+
+def module_of(name: str) -> ModuleType:
+    """Return the module of an experiment: one of the lab's by its own name, another by its dotted one."""
+    return import_module(name if "." in name else f"wallride.sim.lab.{name}")

@@ -18,7 +18,6 @@ from wallride.sim.lab import laws
 from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Figures, TabledCell
 from wallride.sim.lab.laps import maps_in
 from wallride.sim.lab.pool import experiment, measure_all
-from wallride.sim.lab.recordings import ENDINGS, recordings_in
 from wallride.sim.scenario.conditions import ConditionsError, RequestedConditions, named_conditions, named_once
 from wallride.sim.world.map_file import check_map
 from wallride.sim.world.own_parts import OWN_PARTS
@@ -41,7 +40,6 @@ FIXED_SETTINGS = {
 MIN_DISTANCE_M, MAX_DISTANCE_M = 0.3, 3.0
 _PIPE_WIDTH = 160
 _NEARBY_MAPS = ("data/maps", "shared/data/maps")
-_NEARBY_RECORDINGS = ("data/racecar", "data/originals", "shared/data/racecar", "shared/data/originals")
 
 
 class LabUsageError(Exception):
@@ -100,7 +98,7 @@ def chosen(options: argparse.Namespace) -> CellChoice:
         seeds,
         quick,
         _maps(options),
-        _recordings(options),
+        getattr(options, "recordings", ()),
         _distance_m(options),
         getattr(options, "generated", False),
         _own_parts(own_parts),
@@ -229,25 +227,6 @@ def _found_maps(options: argparse.Namespace) -> tuple[str, ...]:
     above = [Path.cwd(), *Path(__file__).resolve().parents]
     nearby = (place / name for place in above for name in _NEARBY_MAPS)
     return next((found for place in nearby if (found := maps_in(place))), ())
-
-
-def _recordings(options: argparse.Namespace) -> tuple[str, ...]:
-    if options.experiment != "recordings":
-        return ()
-    folder: Path | None = options.folder
-    if folder is not None:
-        if not folder.exists():
-            raise LabUsageError(f"{folder} does not exist; give a folder of recordings, or one recording")
-        found = recordings_in(folder)
-        if not found:
-            raise LabUsageError(f"{folder}: there is no {', '.join(ENDINGS)} in it")
-        return found
-    above = [Path.cwd(), *Path(__file__).resolve().parents]
-    for place in above:
-        found = tuple(path for name in _NEARBY_RECORDINGS for path in recordings_in(place / name))
-        if found:
-            return found
-    raise LabUsageError("there are no recordings in data/racecar nearby; give the folder that holds them")
 
 
 def _check_outputs(options: argparse.Namespace) -> None:

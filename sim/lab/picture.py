@@ -1,17 +1,16 @@
 """Picture of a cell's run."""
 
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
 from wallride.sim.figures.drawing import save_plot
-from wallride.sim.lab.cell import Cell, Figures
+from wallride.sim.lab.cell import Cell, Figures, module_of
 
 
 def save(folder: Path, cell: Cell, figures: Figures) -> None:
     """Drive the cell once more, which gives the same run, and draw it."""
-    done = import_module(f"wallride.sim.lab.{cell.experiment}").run(cell)
+    done = module_of(cell.experiment).run(cell)
     course = Path(cell.scenario).stem if "/" in cell.scenario else cell.scenario
     end = "contact" if figures["collided"] else "stands" if figures["stopped_for_good"] else "done"
     title = f"{cell.law}: {course}, {cell.side}, {cell.speed_mps:g} m/s, mu {cell.mu:g}, seed {cell.seed}: {end}"

@@ -3,19 +3,14 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from wallride.sim.lab.cell import Cell, Experiment, Figures
+from wallride.sim.lab.cell import Cell, Experiment, Figures, module_of
 from wallride.sim.lab.workers.finished_cell import Ends
 from wallride.sim.lab.workers.submit import submit
-
-EXPERIMENTS = (
-    "walls", "corners", "safety", "hazards", "laps", "window", "covers", "rooms", "recordings", "stories",
-)  # fmt: skip
 
 
 class CellFailedError(RuntimeError):
@@ -41,7 +36,7 @@ class Measuring:
 
 def experiment(name: str) -> Experiment:
     """Return an experiment by its name."""
-    found: Experiment = import_module(f"wallride.sim.lab.{name}").EXPERIMENT
+    found: Experiment = module_of(name).EXPERIMENT
     return found
 
 

@@ -22,10 +22,8 @@ from wallride.runtime.settings.tree import Settings, load_settings, to_toml
 from wallride.runtime.telemetry.status import Journey, ObservedState
 from wallride.runtime.telemetry.topic_writers import Newest, TopicWriters
 from wallride.runtime.wire import topics
-from wallride.sim.lab.recorded.replay import better_side, motor_at, scans_of
-from wallride.sim.lab.recorded.scan_motion import motion_of
-from wallride.sim.lab.recordings import is_foreign
 from wallride.sim.recordings import OdometryTrack, Recording, RecordingError
+from wallride.sim.recordings.scans import better_side, is_foreign, motion_of, motor_at, scans_of
 from wallride.sim.replay.drive_log import DriveLog, LoggedMessage
 from wallride.sim.replay.stack import ReplayStack
 

@@ -5,7 +5,7 @@ import argparse
 import pytest
 
 from wallride import lab_options
-from wallride.sim.lab import corners, hazards, laps, safety, walls
+from wallride.sim.lab import hazards, laps, safety, walls
 from wallride.sim.lab.command import chosen, run
 from wallride.sim.lab.report import drives
 from wallride.sim.lab.report.plan import ReportPlan, first_round, second_round
@@ -25,7 +25,7 @@ own_parts = "posts"
 NAMED = (
     "lidar.noise_std_m=0.007", 'lidar.own_parts="posts"', "vehicle.steering_delay_s=0.045", "vehicle.trim_rad=0.03",
 )  # fmt: skip
-EXPERIMENTS = {"walls": walls, "safety": safety, "hazards": hazards, "laps": laps, "corners": corners}
+EXPERIMENTS = {"walls": walls, "safety": safety, "hazards": hazards, "laps": laps}
 
 
 @pytest.fixture

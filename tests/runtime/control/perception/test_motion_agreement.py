@@ -11,9 +11,8 @@ from tests.runtime.control.perception.test_plausibility import CAR, PERIOD_S, Ro
 from wallride.drivers.api import MotorState
 from wallride.runtime.control.perception.motion_agreement import HOLDS_AFTER_S, Agreement, MotionAgreement
 from wallride.runtime.control.perception.odometry import Odometry, OdometryState
-from wallride.sim.lab.recorded.replay import motor_at, scans_of
-from wallride.sim.lab.recorded.scan_motion import motion_of
 from wallride.sim.recordings import load_recording
+from wallride.sim.recordings.scans import motion_of, motor_at, scans_of
 
 RACECAR = Path(__file__).resolve().parents[4] / ".." / "shared" / "data" / "racecar"
 

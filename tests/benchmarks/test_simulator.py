@@ -1,13 +1,13 @@
 """The simulator's benchmark measures what it says, and a drawn map is seen where its walls are."""
 
-import argparse
 import itertools
 import json
+import sys
 
 import numpy as np
 import pytest
 
-from wallride.sim.bench import simulator
+from benchmarks import simulator
 from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.worlds import load_world
 
@@ -42,14 +42,16 @@ def test_figures_of_a_folder_of_maps(tmp_path, capsys):
     assert len(simulator.lines(figures)) == 5 + len(figures["worlds"])
 
 
-def test_the_command_writes_its_runs(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(simulator, "simulator", lambda _seconds: FIGURES)
+def test_the_command_prints_medians_and_writes_its_runs(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(simulator, "simulator", lambda _seconds, _maps: FIGURES)
     target = tmp_path / "sim.json"
-    assert simulator.run(argparse.Namespace(short=True, runs=2, json=str(target))) == 0
+    monkeypatch.setattr(sys, "argv", ["simulator", "--runs", "2", "--json", str(target)])
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")
+    simulator.main()
     assert "numpy" in capsys.readouterr().out
-    assert len(json.loads(target.read_text())["runs"]) == 2
-    assert simulator.run(argparse.Namespace(short=True, runs=None, json="-")) == 0
-    assert json.loads(capsys.readouterr().out)["medians"] == FIGURES
+    document = json.loads(target.read_text())
+    assert len(document["runs"]) == 2
+    assert document["medians"] == FIGURES
 
 
 FIGURES = {

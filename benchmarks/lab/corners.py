@@ -1,6 +1,6 @@
-"""`lab corners`: corners and corridors of real buildings, and straight lanes that turn into a narrower one.
+"""`benchmarks.lab corners`: corners and corridors of real buildings, and straight lanes that turn into a narrower one.
 
-Buildings: the places of `wallride.sim.lab.building_places` on the maps, 9 m each. With `--method ball,prototype` each
+Buildings: the places of `benchmarks.lab.building_places` on the maps, 9 m each. With `--method ball,prototype` each
 run is compared with the prototype's on the same course, floor, side and seed, for places tuned on and places held out.
 
 Lanes: 8 m of a lane FIRST_LANE_M wide, of which the car drives 6 m, then a corner by an angle into a lane of another
@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.lab.building_places import BuildingStart, building, is_held_out, places_on
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
-from wallride.sim.lab.courses.building_places import BuildingStart, building, is_held_out, places_on
 from wallride.sim.lab.figures import Row, chosen, common, distinct, errors, number, text
 from wallride.sim.lab.laws import drive_case
 from wallride.sim.lab.tables import by_law
@@ -48,7 +48,9 @@ COMPARED, BASELINE = "ball", "prototype"
 def cells(choice: CellChoice) -> list[Cell]:
     """Return the cells: lanes at all speeds, buildings up to FASTEST_MPS."""
     maps = choice.maps[:1] if choice.quick else choice.maps
-    planned = choice.cells("corners", [*(QUICK_LANES if choice.quick else LANES), *_names(maps, choice.desired_m)])
+    planned = choice.cells(
+        "benchmarks.lab.corners", [*(QUICK_LANES if choice.quick else LANES), *_names(maps, choice.desired_m)]
+    )
     return [
         cell
         for cell in planned

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.lab.recorded.replay import JudgedScan, Replay
 from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.control.safety.swept import SweptGuard
 from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.car.vehicle import GRAVITY_MPS2, VehicleSettings
 from wallride.sim.lab.courses.sudden import BlindDriver
-from wallride.sim.lab.recorded.replay import JudgedScan, Replay
 from wallride.sim.lab.safety import impact_mps, stopping_m
 from wallride.sim.virtual.closed_loop import Case, drive
 from wallride.sim.world.place import World

@@ -1,6 +1,6 @@
-"""`lab recordings`: perception and safety on real recordings: noise, window, braking, and needless stops.
+"""`benchmarks.lab recordings`: perception and safety on real recordings: noise, window, braking, needless stops.
 
-Most recordings lack the car's odometry; its motion is estimated from the scans (`wallride.sim.lab.scan_motion`).
+Most recordings lack the car's odometry; its motion is estimated from the scans (`wallride.sim.recordings.scans`).
 """
 
 from collections.abc import Sequence
@@ -10,16 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.lab.recorded.episodes import episodes
+from benchmarks.lab.recorded.first_scan import first_offsets_m
+from benchmarks.lab.recorded.reenact import reenact, run_at_wall
+from benchmarks.lab.recorded.replay import Replay, jumps, noise, replay
 from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from wallride.sim.lab.figures import Row, number, text
-from wallride.sim.lab.recorded.episodes import episodes
-from wallride.sim.lab.recorded.first_scan import first_offsets_m
-from wallride.sim.lab.recorded.reenact import reenact, run_at_wall
-from wallride.sim.lab.recorded.replay import Replay, better_side, jumps, noise, replay
-from wallride.sim.recordings import Recording, RecordingError, load_recording
+from wallride.sim.recordings import RecordingError, load_recording
+from wallride.sim.recordings.scans import better_side, is_foreign
 
-FOREIGN_SHARE = 0.05
-"""Minimum share of stamps that jump back at which several lidars publish on one topic; less is a hiccup."""
 MOVES_ABOVE_MPS = 0.3
 _SHORTER = (
     (" beams around ", " at "),
@@ -28,6 +27,27 @@ _SHORTER = (
     (" see nothing: uncover or clean the window", " BLIND"),
 )
 ENDINGS = (".npz", ".bag", ".db3", ".mcap")
+NEARBY = ("data/racecar", "data/originals", "shared/data/racecar", "shared/data/originals")
+
+
+class NoRecordingsError(Exception):
+    """There are none to judge; the text says what to give."""
+
+
+def named_or_nearby(folder: Path | None) -> tuple[str, ...]:
+    """Return the recordings of a folder, or else of those nearby; NoRecordingsError without any."""
+    if folder is not None:
+        if not folder.exists():
+            raise NoRecordingsError(f"{folder} does not exist; give a folder of recordings, or one recording")
+        found = recordings_in(folder)
+        if not found:
+            raise NoRecordingsError(f"{folder}: there is no {', '.join(ENDINGS)} in it")
+        return found
+    for place in (Path.cwd(), *Path(__file__).resolve().parents):
+        found = tuple(path for name in NEARBY for path in recordings_in(place / name))
+        if found:
+            return found
+    raise NoRecordingsError("there are no recordings in data/racecar nearby; give the folder that holds them")
 
 
 def recordings_in(folder: Path) -> tuple[str, ...]:
@@ -40,7 +60,7 @@ def recordings_in(folder: Path) -> tuple[str, ...]:
 def cells(choice: CellChoice) -> list[Cell]:
     """Return one cell per recording; `scenario` is its path."""
     paths = choice.recordings[:3] if choice.quick else choice.recordings
-    return [Cell("recordings", path, "ball+swept", 0.0, 0.8, "left", 0) for path in paths]
+    return [Cell("benchmarks.lab.recordings", path, "ball+swept", 0.0, 0.8, "left", 0) for path in paths]
 
 
 def run(cell: Cell) -> Replay:
@@ -58,11 +78,6 @@ def measure(cell: Cell) -> Figures:
     if is_foreign(recording):
         return {"skipped": "scans of several lidars on one topic: their stamps run backwards"}
     return judge(replay(recording, better_side(recording)))
-
-
-def is_foreign(recording: Recording) -> bool:
-    """Return whether the scans of several lidars are mixed."""
-    return bool(len(recording) > 1 and np.mean(np.diff(recording.stamp_s) < 0) > FOREIGN_SHARE)
 
 
 def judge(done: Replay) -> Figures:
@@ -245,7 +260,7 @@ def plot(folder: Path, cell: Cell, figures: Figures) -> None:
     """Draw every interference, and the window if it has a finding."""
     if figures["skipped"]:
         return
-    from wallride.sim.lab.recorded.recording_pictures import save_episode, save_window
+    from benchmarks.lab.recorded.recording_pictures import save_episode, save_window
 
     done = run(cell)
     for place, episode in enumerate(episodes(done)):

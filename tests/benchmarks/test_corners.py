@@ -1,21 +1,21 @@
-"""`wallride lab corners`: the prototype, the places in buildings, the lanes, and what the follower reaches there."""
+"""`benchmarks.lab corners`: the places in buildings, the lanes, the options, and what the follower reaches there."""
 
+import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from tests.runtime.control.wall_following.ball_scenes import scan_in
-from wallride.runtime.control.perception.view import PerceptionCache
-from wallride.runtime.control.vehicle import CarSettings
-from wallride.sim.lab import corners, laws, walls
+from benchmarks.lab import corners
+from benchmarks.lab.__main__ import parsed
+from benchmarks.lab.building_places import CORNER_RAD, OFF_M, STARTS, building, is_held_out, places_on
 from wallride.sim.lab.cell import Cell, CellChoice
-from wallride.sim.lab.courses.building_places import CORNER_RAD, OFF_M, STARTS, building, is_held_out, places_on
-from wallride.sim.lab.courses.prototype import KD, KP_RAD_PER_M, Prototype, target_rad
+from wallride.sim.lab.command import chosen, run
 from wallride.sim.world.pose import Pose, Side
 
-SKIRK = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "maps" / "skirk.yaml"
+SKIRK = Path(__file__).resolve().parents[2] / ".." / "shared" / "data" / "maps" / "skirk.yaml"
 needs_maps = pytest.mark.skipif(not SKIRK.is_file(), reason="the maps lie in shared/data beside the checkout")
 
 
@@ -23,60 +23,10 @@ def cell(experiment, scenario, law="ball", speed_mps=3.0, mu=0.5, side="left", s
     return Cell(experiment, scenario, law, speed_mps, mu, side, seed, desired_m)
 
 
-def mean_error_m(run):
-    return float(np.abs(run.error_m[np.isfinite(run.error_m)]).mean())
-
-
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_the_prototype_steers_by_its_two_gains(side):
-    """0.1 m too far from a straight wall the ball is at asin(0.1 / 0.4) on a circle of 0.4 m."""
-    law = Prototype(side, 1.0, 1.0, CarSettings(), PerceptionCache(CarSettings()))
-    answer = law.follow(scan_in("straight", y_m=-0.1, side=side), None)
-    assert answer.drive is not None
-    sign = 1.0 if side == "left" else -1.0
-    wanted_rad = min(KP_RAD_PER_M * 0.1 + KD * math.asin(0.1 / 0.4), 0.34)
-    assert answer.drive.steering_rad == pytest.approx(sign * wanted_rad, abs=0.02)
-    assert answer.error_m == pytest.approx(0.1, abs=0.005)
-
-
-def test_the_prototypes_target_is_the_first_place_from_the_free_side_that_is_too_near():
-    wall_m = np.stack([np.arange(-2.0, 3.0, 0.05), np.full(100, 1.2)])
-    bearing_rad, found = target_rad(wall_m, 0.7, 1.0)
-    assert found
-    assert bearing_rad == pytest.approx(math.asin(0.2 / 0.7), abs=0.01)
-    bearing_rad, found = target_rad(wall_m, 0.1, 1.0)
-    assert not found
-    assert bearing_rad == pytest.approx(math.radians(85))
-
-
-def test_the_prototype_is_what_the_design_notes_measured():
-    """Inside corner .05 m at 1 m/s, doorway .005: their table for this law, in this simulator."""
-    assert mean_error_m(walls.run(cell("walls", "t5", "prototype", 1.0, 0.8))) == pytest.approx(0.052, abs=0.01)
-    assert mean_error_m(walls.run(cell("walls", "doorway", "prototype", 1.0, 0.8))) < 0.008
-
-
-def test_only_the_lab_has_the_prototype():
-    assert laws.check("prototype") == "prototype+swept"
-    with pytest.raises(ValueError, match="no law"):
-        laws.check("prototypes")
-
-
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_an_outside_corner_is_followed_and_not_swung_out_for(side):
-    run = walls.run(cell("walls", "outside_corner", speed_mps=1.0, mu=0.8, side=side))
-    before = run.pose[:, 0] < 5.9
-    assert run.contact is None
-    assert mean_error_m(run) <= 0.006
-    assert np.abs(run.error_m[before]).max() < 0.01
-    away_rad = -run.wish[before, 1] if side == "left" else run.wish[before, 1]
-    # 0.34 when a bend farther away was fed forward; a single scan is noise.
-    assert np.convolve(away_rad, np.ones(4) / 4, "valid").max() < 0.1
-
-
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("way", ["in", "out"])
 def test_a_lane_behind_a_sharp_corner_is_seen_before_it_on_a_slippery_floor(way, seed):
-    run = corners.run(cell("corners", f"{way} 110 deg, 1.5 m", seed=seed))
+    run = corners.run(cell("benchmarks.lab.corners", f"{way} 110 deg, 1.5 m", seed=seed))
     assert run.contact is None
     assert run.distance_m >= corners.LANE_WAY_M
     assert not [stop.reason for stop in run.stops if "brak" in stop.reason]
@@ -127,3 +77,26 @@ def test_two_laws_are_compared_on_the_same_courses_and_a_contact_is_never_better
     assert not corners.not_worse({**mine, "collided": True}, other)
     assert corners.ratio({**mine, "mean_error_m": 0.1}, {**other, "mean_error_m": 0.2}) == 0.5
     assert "held out" in {line[0] for line in corners.tables(rows)[-1].rows}
+
+
+def test_every_run_is_of_the_named_car_and_on_the_maps_of_the_folder(tmp_path):
+    Image.new("L", (40, 40), 254).save(tmp_path / "hall.png")
+    (file := tmp_path / "hall.yaml").write_text(
+        "image: hall.png\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
+    )
+    asked = ["--condition", "vehicle.trim_rad=0.03", "--speeds", "2", "--quick", "--maps", str(tmp_path)]
+    choice = chosen(parsed(["corners", *asked]))
+    assert choice.maps == (str(file),)
+    cells = corners.cells(choice)
+    assert {one.conditions for one in cells} == {("vehicle.trim_rad=0.03",)}
+    assert corners.run(cells[0]).case.vehicle.trim_rad == 0.03
+
+
+def test_the_command_writes_the_figures_and_a_picture_of_every_run(tmp_path, capsys):
+    file, plots = tmp_path / "figures.json", tmp_path / "pictures"
+    asked = ["--only", "in 60 deg? 2 m", "--speeds", "3", "--mu", ".8", "--side", "left", "--jobs", "1"]
+    assert run(parsed(["corners", *asked, "--json", str(file), "--plot", str(plots)])) == 0
+    (one,) = json.loads(file.read_text())["cells"]
+    assert one["scenario"] == "in 60 deg, 2 m"
+    assert len([*plots.iterdir()]) == 1
+    assert "0 of 1 runs with a contact" in capsys.readouterr().out

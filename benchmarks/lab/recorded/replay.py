@@ -14,16 +14,15 @@ from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.arbitration.command import Verdict
 from wallride.runtime.calibration.scan_motion import ScanMotion
 from wallride.runtime.control.perception.lidar_health import LidarHealth
-from wallride.runtime.control.perception.view import PerceptionCache, View
+from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.control.safety.swept import SweptAssessment, SweptGuard
 from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.control.wall_following.ball import BallFollower
 from wallride.runtime.control.wall_following.ball_settings import BallSettings
-from wallride.runtime.control.wall_following.followed_wall import side_view
 from wallride.runtime.control.wall_following.wall_fit import WallLine
-from wallride.sim.lab.recorded.scan_motion import motion_of
 from wallride.sim.recordings import CommandTrack, Recording
+from wallride.sim.recordings.scans import motion_of, motor_at, scans_of, wall_line
 from wallride.sim.world.pose import Floats, Side
 
 DRIVES_ABOVE_MPS = 0.15
@@ -32,8 +31,6 @@ STEERS_ABOVE_MPS = 0.3
 COMMAND_LASTS_S = 0.3
 JUMP_M = 0.1
 """Minimum jump of a distance from scan to scan; no car approaches a wall that fast."""
-MAX_AGE_S = 0.2
-"""Maximum age of a scan; older ones reached the recorder late, not the car's own program."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,34 +115,6 @@ def replay(recording: Recording, side: Side, guard_settings: SweptSettings | Non
     return Replay(recording, motion, side, judged, guard.health, masked, parts)
 
 
-def scans_of(recording: Recording) -> list[Scan]:
-    """Return the scans as the car's driver would deliver them: NaN for invalid distances."""
-    ranges_m = np.asarray(recording.ranges_m)
-    usable = (ranges_m >= recording.range_min_m) & (ranges_m <= recording.range_max_m)
-    clean_m = np.where(usable, ranges_m, np.float32(np.nan)).astype(np.float32)
-    clean_m.setflags(write=False)
-    scans = []
-    for number in range(len(recording)):
-        stamp_s = float(recording.stamp_s[number])
-        age_s = min(max(float(recording.received_s[number]) - stamp_s, 0.0), MAX_AGE_S)
-        scans.append(
-            Scan(
-                stamp_s, stamp_s + age_s, recording.angle_min_rad, recording.angle_step_rad, recording.range_min_m,
-                recording.range_max_m, clean_m[number], number,
-            )
-        )  # fmt: skip
-    return scans
-
-
-def motor_at(motion: ScanMotion, number: int, wheels_rad: float, time_s: float) -> MotorState:
-    """Return the motor state that a controller would have reported: the speed that the scans show, and the way."""
-    speed_mps = float(motion.speed_mps[number])
-    if abs(speed_mps) < 0.05:
-        speed_mps = 0.0  # noise of the scans; a standing wheel reports 0
-    way_m = float(motion.way_m[number])
-    return MotorState(time_s, speed_mps, way_m, wheels_rad, 11.0, 0.0, 0.0, 25.0, "", timed_out=False, killed=False)
-
-
 def asked_at(recording: Recording, motion: ScanMotion, number: int, car: CarSettings) -> AskedDrive:
     """Return the command at a scan's arrival; if it was not recorded, the way that the car took."""
     time_s = float(recording.received_s[number])
@@ -187,24 +156,6 @@ def _curving_rad(motion: ScanMotion, number: int, car: CarSettings) -> float:
 
 def _within(wheels_rad: float, car: CarSettings) -> float:
     return min(max(wheels_rad, -car.max_steering_rad), car.max_steering_rad)
-
-
-def wall_line(view: View, side: Side) -> WallLine | None:
-    """Return the wall's line on one side, as the follower finds it."""
-    seen = side_view(view, side)
-    return seen.side.lines.find(seen.x_m, seen.y_m, seen.range_m, seen.solid)
-
-
-def better_side(recording: Recording) -> Side:
-    """Return the side whose wall is seen with more beams, over every tenth scan."""
-    eyes = PerceptionCache(CarSettings())
-    inliers = {"left": 0, "right": 0}
-    for scan in scans_of(recording)[::10]:
-        view = eyes.see(scan)
-        for side in ("left", "right"):
-            line = wall_line(view, side)
-            inliers[side] += line.inliers if line is not None else 0
-    return "left" if inliers["left"] >= inliers["right"] else "right"
 
 
 def noise(values: Floats) -> float:

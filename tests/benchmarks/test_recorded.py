@@ -5,12 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from tests.sim.lab.recorded_drives import arc_poses, recorded, track
-from wallride.sim.lab.recorded.episodes import episodes, room_along_m
-from wallride.sim.lab.recorded.reenact import gap_m, reenact, run_at_wall
-from wallride.sim.lab.recorded.replay import better_side, jumps, noise, replay, scans_of
+from benchmarks.lab.recorded.episodes import episodes, room_along_m
+from benchmarks.lab.recorded.reenact import gap_m, reenact, run_at_wall
+from benchmarks.lab.recorded.replay import jumps, noise, replay
+from tests.sim.recordings.recorded_drives import arc_poses, recorded, track
 from wallride.sim.world.pose import Pose
-from wallride.sim.world.worlds import load_world
 
 MUX = "vesc_low_level_ackermann_cmd"
 
@@ -23,22 +22,6 @@ def test_noise_is_that_of_one_value_whatever_the_motion():
     assert noise(moving) == pytest.approx(0.005, rel=0.05)
     assert jumps(moving) == 1
     assert math.isnan(noise(np.array([1.0, np.nan, 1.0])))
-
-
-def test_what_is_no_distance_is_handed_on_as_none():
-    recording = recorded(arc_poses(2, 0.0))
-    spoilt = recording.ranges_m.copy()
-    spoilt[0, :4] = (65.533, 0.0, 0.006, np.inf)
-    object.__setattr__(recording, "ranges_m", spoilt)
-    scans = scans_of(recording)
-    assert np.isnan(scans[0].ranges_m[:4]).all()
-    assert scans[1].received_s - scans[1].stamp_s == pytest.approx(0.02)
-
-
-def test_the_side_of_the_longer_wall_is_followed():
-    assert better_side(recorded(arc_poses(20, 1.0))) == "left"
-    mirrored = recorded(arc_poses(20, 1.0), world=load_world("inside_corner", side="right"))
-    assert better_side(mirrored) == "right"
 
 
 def test_the_mux_is_asked_before_the_program_and_the_motion_last():

@@ -12,10 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from benchmarks.lab.recorded.episodes import Episode
+from benchmarks.lab.recorded.replay import JudgedScan, Replay
+from wallride.runtime.control.perception.geometry import bearings_rad
 from wallride.runtime.control.vehicle import CarSettings
-from wallride.sim.lab.recorded.episodes import Episode
-from wallride.sim.lab.recorded.replay import JudgedScan, Replay
-from wallride.sim.lab.recorded.scan_motion import bearing_deg
 from wallride.sim.world.pose import CAR, Pose
 
 _DPI = 100
@@ -64,7 +64,7 @@ def save_window(folder: Path, done: Replay) -> Path:
     FigureCanvasAgg(figure)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[5, 1])
     ranges_m = np.array([judged.scan.ranges_m for judged in done.judged])
-    at_deg = bearing_deg(done.recording)
+    at_deg = np.degrees(bearings_rad(done.recording.angle_min_rad, done.recording.angle_step_rad, done.recording.beams))
     image = above.imshow(
         np.minimum(ranges_m, _WINDOW_SHOWN_M),
         aspect="auto",

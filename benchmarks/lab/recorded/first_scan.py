@@ -10,10 +10,11 @@ import math
 
 import numpy as np
 
+from benchmarks.lab.recorded.replay import JudgedScan, Replay
 from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.control.wall_following.followed_wall import SIDE_FROM_RAD, SIDE_TO_RAD, side_view
-from wallride.sim.lab.recorded.replay import JudgedScan, Replay, wall_line
+from wallride.sim.recordings.scans import wall_line
 
 
 def first_offsets_m(done: Replay) -> tuple[float, float]:

@@ -1,30 +1,29 @@
-"""`wallride lab recordings`: what must hold on the real ones, and how it meets folders that hold something else."""
+"""`benchmarks.lab recordings`: what must hold on the real ones, and how it meets folders that hold something else."""
 
-import argparse
 import json
 import warnings
 
 import numpy as np
 import pytest
 
-from tests.sim.lab.recorded_drives import RACECAR, real
-from wallride import lab_options
-from wallride.sim.lab import recordings
+from benchmarks.lab import recordings
+from benchmarks.lab.__main__ import parsed
+from benchmarks.lab.recorded.recording_pictures import WINDOW_TITLE_LETTERS, wrapped
+from benchmarks.lab.recorded.replay import replay
+from tests.sim.recordings.recorded_drives import RACECAR, real
 from wallride.sim.lab.cell import Cell
-from wallride.sim.lab.command import LabUsageError, chosen, run
-from wallride.sim.lab.recorded.recording_pictures import WINDOW_TITLE_LETTERS, wrapped
-from wallride.sim.lab.recorded.replay import replay
+from wallride.sim.lab.command import chosen, run
 
 
 def options(*arguments):
-    parser = argparse.ArgumentParser()
-    lab_options.add(parser)
-    return parser.parse_args(["recordings", *arguments])
+    return parsed(["recordings", *arguments])
 
 
 def figures_of(name):
     real(name)
-    return recordings.measure(Cell("recordings", str(RACECAR / f"{name}.npz"), "ball+swept", 0.0, 0.8, "left", 0))
+    return recordings.measure(
+        Cell("benchmarks.lab.recordings", str(RACECAR / f"{name}.npz"), "ball+swept", 0.0, 0.8, "left", 0)
+    )
 
 
 @pytest.mark.parametrize("name", ["t1_standing_odom_nav", "t1_standing_all_topics"])
@@ -129,9 +128,10 @@ def test_a_file_that_is_no_recording_is_skipped_with_its_reason(tmp_path):
 
 
 @pytest.mark.parametrize(("place", "words"), [("nowhere", "does not exist"), ("", "there is no .npz")])
-def test_a_wrong_folder_is_said_before_anything_is_read(tmp_path, place, words):
-    with pytest.raises(LabUsageError, match=words):
-        chosen(options(str(tmp_path / place)))
+def test_a_wrong_folder_is_said_before_anything_is_read(tmp_path, place, words, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        options(str(tmp_path / place))
+    assert words in capsys.readouterr().err
 
 
 def at_wall(gap_m, speed_mps):

@@ -1,10 +1,11 @@
-"""How a car moved, read off its own scans, against the truth of simulated ones and the ranges of real ones."""
+"""Scans, motion and side of recordings: how a car moved, against simulated truth and the ranges of real ones."""
 
 import numpy as np
 import pytest
 
-from tests.sim.lab.recorded_drives import LIDAR_M, arc_poses, real, recorded
-from wallride.sim.lab.recorded.scan_motion import motion_of
+from tests.sim.recordings.recorded_drives import LIDAR_M, arc_poses, real, recorded
+from wallride.sim.recordings.scans import better_side, motion_of, scans_of
+from wallride.sim.world.worlds import load_world
 
 
 def test_a_straight_drive_is_followed_to_a_centimetre():
@@ -69,3 +70,19 @@ def test_a_real_car_that_stood_ends_where_it_began():
     assert motion.stands
     assert abs(motion.x_m[-1]) < 0.02
     assert abs(motion.yaw_rad[-1]) < 0.005
+
+
+def test_what_is_no_distance_is_handed_on_as_none():
+    recording = recorded(arc_poses(2, 0.0))
+    spoilt = recording.ranges_m.copy()
+    spoilt[0, :4] = (65.533, 0.0, 0.006, np.inf)
+    object.__setattr__(recording, "ranges_m", spoilt)
+    scans = scans_of(recording)
+    assert np.isnan(scans[0].ranges_m[:4]).all()
+    assert scans[1].received_s - scans[1].stamp_s == pytest.approx(0.02)
+
+
+def test_the_side_of_the_longer_wall_is_followed():
+    assert better_side(recorded(arc_poses(20, 1.0))) == "left"
+    mirrored = recorded(arc_poses(20, 1.0), world=load_world("inside_corner", side="right"))
+    assert better_side(mirrored) == "right"

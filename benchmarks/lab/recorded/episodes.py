@@ -11,11 +11,11 @@ from typing import Literal
 
 import numpy as np
 
+from benchmarks.lab.recorded.replay import JudgedScan, Replay
 from wallride.runtime.calibration.scan_motion import ScanMotion
 from wallride.runtime.control.perception.view import BODY_BEYOND_RAD
 from wallride.runtime.control.perception.window_dirt import SMUDGE_NEARER_THAN_M
 from wallride.runtime.control.vehicle import CarSettings
-from wallride.sim.lab.recorded.replay import JudgedScan, Replay
 from wallride.sim.world.pose import Floats
 
 SAME_EPISODE_S = 0.3

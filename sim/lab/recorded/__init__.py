@@ -1,1 +1,0 @@
-"""Recorded drives through the car's own perception and safety."""
