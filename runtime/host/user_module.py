@@ -125,10 +125,12 @@ def _lines(trace: TracebackType | None) -> list[tuple[Path, int]]:
 
 
 def _is_users(path: Path, file: Path | None) -> bool:
+    if path == file:
+        return True
     if any(part in FOREIGN for part in path.parts):
         return False
     if file is not None:
-        return path == file or path.is_relative_to(file.parent)
+        return path.is_relative_to(file.parent)
     return any(path.is_relative_to(folder) for folder in _folders)
 
 
