@@ -181,9 +181,11 @@ def battery_words(battery: Mapping[str, Any] | None) -> str:
     """Return a line on the battery."""
     if not battery:
         return "unknown"
+    if battery["voltage_v"] is None:
+        return "not measured"
     cells, sag_v = battery.get("cells"), battery.get("sag_v")
     parts = (
-        f"{battery['voltage_v']:.1f} V, {battery['current_a']:.1f} A",
+        f"{battery['voltage_v']:.1f} V, {battery['current_a'] or 0.0:.1f} A",
         f"{cells} cells, {battery['voltage_v'] / cells:.2f} V each" if cells else "",
         f"at least {sag_v:.1f} V under load" if sag_v is not None else "",
         str(battery.get("trouble") or ""),

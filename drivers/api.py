@@ -82,6 +82,7 @@ class MotorState:
     speed_mps: from the motor's electrical speed, positive forward. Locked wheels read 0 on a sliding car.
     distance_m: signed distance from the tachometer since the driver started; survives missed polls and reboots.
     steering_rad: the last steering commanded; hobby servos have no read-back.
+    voltage_v, ..., temperature_c: NaN where the controller does not measure it.
     fault: latched text of the last fault since `clear_fault()`, "" when there was none.
     """
 
@@ -89,13 +90,13 @@ class MotorState:
     speed_mps: float
     distance_m: float
     steering_rad: float
-    voltage_v: float
-    motor_current_a: float
-    input_current_a: float
-    temperature_c: float
-    fault: str
-    timed_out: bool
-    killed: bool
+    voltage_v: float = math.nan
+    motor_current_a: float = math.nan
+    input_current_a: float = math.nan
+    temperature_c: float = math.nan
+    fault: str = ""
+    timed_out: bool = False
+    killed: bool = False
 
 
 class LinkState(StrEnum):

@@ -17,6 +17,9 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
+from wallride.drivers.api import Clock
+from wallride.drivers.hokuyo.driver import Hokuyo
+from wallride.drivers.turning.driver import TurningLidar
 from wallride.drivers.vesc.driver import Vesc
 from wallride.runtime import kernel
 from wallride.runtime.app import Car, CarSurroundings, history_file
@@ -28,8 +31,11 @@ from wallride.runtime.host.ending import end_in_time
 from wallride.runtime.host.logging_setup import journal
 from wallride.runtime.host.scheduling import ask_for_precedence, keep_for_this_thread
 from wallride.runtime.host.stop_signals import STOP_SIGNALS, STOP_SIGNALS_HELD
-from wallride.runtime.lidars import lidar_for, motion_of
+from wallride.runtime.lidars import lidar_for, motion_of, motor_for
 from wallride.runtime.live_stack import warm_up
+from wallride.runtime.own_drivers.driver_class import loaded_driver_files
+from wallride.runtime.own_drivers.lidar import OwnLidar
+from wallride.runtime.own_drivers.motor import OwnMotor
 from wallride.runtime.realtime import prefetch
 from wallride.runtime.realtime.cpu_latency import awake
 from wallride.runtime.realtime.scan_phase import ScanPhase
@@ -117,7 +123,7 @@ def main(
     """
     scheduling = keep_for_this_thread()
     np.setbufsize(CAST_BUFFER)
-    if loaded_files():
+    if loaded_files() or loaded_driver_files():
         sys.setswitchinterval(SWITCH_S)
     with journal(settings.log.level, settings.log.format):
         log.log(*files.words(settings))
@@ -224,10 +230,8 @@ async def _drive(
         if fetch is not None and scan_phase.expects(clock()):
             fetch(lines)  # the last step before the scan
 
-    motor = Vesc(settings.motor, clock=clock, clear_s=scan_phase.clear_s, replied=replied)
+    motor, lidar = _devices(settings, clock, scan_phase, replied)
     fitted(motor)
-    motion = motion_of(settings.car, lambda: motor.state)
-    lidar = lidar_for(settings.lidar, clock=clock, clear_s=scan_phase.clear_s, motion=motion)
     around = CarSurroundings(
         files.saved,
         files.base,
@@ -238,9 +242,9 @@ async def _drive(
         joystick,
     )
     car = Car(settings, lidar, motor, bus, clock, around)
+    _hear_inertia(motor, car)
     for uplink in uplinks:
         uplink.session = session_text(car.session)
-    motor.inertia.on_measurement = car.telemetry.on_imu
     if (history := history_file(settings)) is not None:
         parameters.read_history(car.history, history)
     opening = asyncio.create_task(_open(car, bus, stop, files.address), name="bus")
@@ -260,9 +264,29 @@ async def _drive(
         for line in car.stages.table():
             log.info("%s", line)
         car.manager.stopping()
+        _leave_behind(lidar, motor)
         await _close(opening, bus, car.recorder.close, asked)
     if not opening.cancelled():
         opening.result()
+
+
+def _devices(
+    settings: Settings, clock: Clock, scan_phase: ScanPhase, replied: Callable[[float], None]
+) -> tuple[Vesc | OwnMotor, Hokuyo | TurningLidar | OwnLidar]:
+    motor = motor_for(settings.motor, clock=clock, clear_s=scan_phase.clear_s, replied=replied)
+    motion = motion_of(settings.car, lambda: motor.state)
+    return motor, lidar_for(settings.lidar, clock=clock, clear_s=scan_phase.clear_s, motion=motion)
+
+
+def _hear_inertia(motor: Vesc | OwnMotor, car: Car) -> None:
+    if isinstance(motor, Vesc):
+        motor.inertia.on_measurement = car.telemetry.on_imu
+
+
+def _leave_behind(*devices: object) -> None:
+    """Have the process end although a driver of the user does not."""
+    if any(isinstance(one, OwnLidar | OwnMotor) and one.left_behind for one in devices):
+        end_in_time(0)
 
 
 def _bus(session: Mapping[str, Any], uplinks: Sequence[Uplink], *, any_port: bool) -> CarBus:

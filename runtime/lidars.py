@@ -1,4 +1,4 @@
-"""The driver of the lidar that the settings name."""
+"""The drivers of the lidar and the motor controller that the settings name."""
 
 import math
 import time
@@ -11,9 +11,15 @@ from wallride.drivers.rplidar.driver import Rplidar
 from wallride.drivers.rplidar.settings import RplidarSettings
 from wallride.drivers.turning.driver import TurningLidar
 from wallride.drivers.turning.grid import STILL, AskMotion, Motion, standing
+from wallride.drivers.vesc.driver import Vesc
 from wallride.drivers.ydlidar.driver import Ydlidar
 from wallride.runtime.control.vehicle import CarSettings
-from wallride.runtime.settings.devices import AnyLidarSettings
+from wallride.runtime.own_drivers.driver_class import load_driver
+from wallride.runtime.own_drivers.lidar import OwnLidar
+from wallride.runtime.own_drivers.motor import OwnMotor
+from wallride.runtime.own_drivers.running import DriverRun
+from wallride.runtime.own_drivers.settings import OwnLidarSettings, OwnMotorSettings
+from wallride.runtime.settings.devices import AnyLidarSettings, AnyMotorSettings
 
 
 def lidar_for(
@@ -22,13 +28,39 @@ def lidar_for(
     clock: Clock = time.monotonic,
     clear_s: Reschedule = as_wanted,
     motion: AskMotion = standing,
-) -> Hokuyo | TurningLidar:
+) -> Hokuyo | TurningLidar | OwnLidar:
     """Return the driver, not yet running. motion: how the lidar moves, for those that take long for a turn."""
     if isinstance(settings, HokuyoSettings):
         return Hokuyo(settings, clock=clock, clear_s=clear_s)
+    if isinstance(settings, OwnLidarSettings):
+        return OwnLidar(settings, clock=clock)
     if isinstance(settings, RplidarSettings):
         return Rplidar(settings, clock=clock, clear_s=clear_s, motion=motion)
     return Ydlidar(settings, clock=clock, clear_s=clear_s, motion=motion)
+
+
+def motor_for(
+    settings: AnyMotorSettings,
+    *,
+    clock: Clock = time.monotonic,
+    clear_s: Reschedule = as_wanted,
+    replied: Callable[[float], None] = lambda _took_s: None,
+) -> Vesc | OwnMotor:
+    """Return the driver, not yet running. replied: called with the duration of a reply, by drivers that measure it."""
+    if isinstance(settings, OwnMotorSettings):
+        return OwnMotor(settings, clock=clock)
+    return Vesc(settings, clock=clock, clear_s=clear_s, replied=replied)
+
+
+def own_driver_mistakes(lidar: AnyLidarSettings, motor: AnyMotorSettings, clock: Clock = time.monotonic) -> list[str]:
+    """Return what is wrong with making the own drivers that the settings name, one sentence each; nothing is opened."""
+    named = [("lidar", lidar), ("motor", motor)]
+    runs = [
+        DriverRun(load_driver(section, settings.driver), settings.own, clock)
+        for section, settings in named
+        if isinstance(settings, OwnLidarSettings | OwnMotorSettings)
+    ]
+    return [run.fault for run in runs if not run.make()]
 
 
 def motion_of(car: CarSettings, motor: Callable[[], MotorState | None]) -> AskMotion:

@@ -82,7 +82,8 @@ def command() -> int:
         code = main()
     finally:
         laws = sys.modules.get("wallride.runtime.control.own_laws.law_class")
-        if laws is not None and laws.loaded_files():
+        drivers = sys.modules.get("wallride.runtime.own_drivers.driver_class")
+        if (laws is not None and laws.loaded_files()) or (drivers is not None and drivers.loaded_driver_files()):
             from wallride.runtime.host.ending import end_in_time
 
             end_in_time(code)
@@ -178,7 +179,7 @@ def _run(options: argparse.Namespace) -> int:
         file = options.config or default_config()
         settings = _load(file, options.assignments, options.saved)
         problems = unusable_paths(settings) + colliding_places(settings, (file, options.saved, options.address_file))
-        problems += _own_law_mistakes(settings)
+        problems += _mistakes_of_own_code(settings)
         session, warnings = _session(settings)
         routers, about_routers = _routers(settings)
         warnings += (*about_routers, *_saved_limits(options.saved or file), *too_slow_to_turn(settings))
@@ -234,7 +235,7 @@ def _check(options: argparse.Namespace) -> int:
     except (SettingsError, KeysError) as error:
         return fail(str(error))
     problems = unusable_paths(settings) + colliding_places(settings, [options.config or default_config()])
-    problems += _own_law_mistakes(settings)
+    problems += _mistakes_of_own_code(settings)
     if options.devices and not problems:
         problems = _device_problems(settings)
     for text in (*warnings, *problems):
@@ -266,7 +267,7 @@ def _build_kernel(options: argparse.Namespace) -> int:
 def _load(config: Path | None, assignments: Sequence[str], saved: Path | None = None) -> "Settings":
     from wallride.runtime.settings.tree import load_settings
 
-    return load_settings(config, assignments, saved, laws=True)
+    return load_settings(config, assignments, saved, laws=True, drivers=True)
 
 
 def _session(settings: "Settings") -> tuple[dict[str, Any], tuple[str, ...]]:
@@ -307,11 +308,13 @@ def _saved_limits(file: Path | None) -> tuple[str, ...]:
     )
 
 
-def _own_law_mistakes(settings: "Settings") -> list[str]:
-    """Return what is wrong with the user's own laws."""
+def _mistakes_of_own_code(settings: "Settings") -> list[str]:
+    """Return what is wrong with the user's own laws and drivers."""
     from wallride.runtime.control.methods import own_law_mistakes
+    from wallride.runtime.lidars import own_driver_mistakes
 
-    return own_law_mistakes(settings.wall_follow, settings.safety, settings.car)
+    laws = own_law_mistakes(settings.wall_follow, settings.safety, settings.car)
+    return laws + own_driver_mistakes(settings.lidar, settings.motor)
 
 
 def _device_problems(settings: "Settings") -> list[str]:

@@ -132,6 +132,9 @@ class BatteryMonitor:
 
     def _judge(self, voltage_v: float, now_s: float) -> None:
         settings, self.voltage_v = self.settings, voltage_v
+        if math.isnan(voltage_v):  # the controller does not measure it
+            self._set(Charge.GOOD, math.inf, "")
+            return
         if not self.cells and voltage_v >= USB_ONLY_V:
             self.cells = math.ceil(voltage_v / FULL_CELL_V)
         cell_v = voltage_v / self.cells if self.cells else 0.0

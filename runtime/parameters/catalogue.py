@@ -18,6 +18,7 @@ from pydantic_core import to_jsonable_python
 
 from wallride.runtime.control.method_settings import METHODS
 from wallride.runtime.control.own_laws.law_class import loaded
+from wallride.runtime.own_drivers.driver_class import loaded_drivers
 from wallride.runtime.parameters.policy import Effect, Loosens, effect_of, loosens_by
 from wallride.runtime.settings.devices import DRIVERS
 from wallride.runtime.settings.tree import Settings
@@ -141,7 +142,9 @@ def catalogue(settings: Settings) -> Mapping[str, Parameter]:
     return {
         name: parameter
         for section, above in _sections(settings)
-        for name, parameter in _of(section, above, loaded(above.rstrip("."))).items()
+        for name, parameter in _of(
+            section, above, loaded(above.rstrip(".")) + loaded_drivers(above.rstrip("."))
+        ).items()
     }
 
 
@@ -168,25 +171,25 @@ def _sections(section: BaseModel, above: str = "") -> Iterator[tuple[type[BaseMo
 
 
 @functools.cache
-def _of(section: type[BaseModel], above: str, own_laws: tuple[str, ...]) -> Mapping[str, Parameter]:
+def _of(section: type[BaseModel], above: str, own: tuple[str, ...]) -> Mapping[str, Parameter]:
     """Return the settings directly in a section. Reads its source once, for the texts under the fields.
 
-    own_laws: names of the user's laws that may be selected in this section.
+    own: names of the user's laws or drivers that may be selected in this section.
     """
     texts = _texts(section)
     found = {}
     for name, field in section.model_fields.items():
         if not isinstance(field.get_default(call_default_factory=True), BaseModel):
-            found[above + name] = _parameter(above + name, field, field.description or texts.get(name, ""), own_laws)
+            found[above + name] = _parameter(above + name, field, field.description or texts.get(name, ""), own)
     return found
 
 
-def _parameter(name: str, field: FieldInfo, text: str, own_laws: tuple[str, ...]) -> Parameter:
+def _parameter(name: str, field: FieldInfo, text: str, own: tuple[str, ...]) -> Parameter:
     bounds: dict[str, float] = {}
     for item in field.metadata:
         bounds |= {end: getattr(item, end) for end in ("ge", "gt", "le", "lt") if hasattr(item, end)}
     default = to_jsonable_python(field.get_default(call_default_factory=True))
-    kind, allowed = _kind(name, field.annotation, own_laws)
+    kind, allowed = _kind(name, field.annotation, own)
     return Parameter(
         name=name,
         kind=kind,
@@ -206,14 +209,14 @@ def _parameter(name: str, field: FieldInfo, text: str, own_laws: tuple[str, ...]
 def _kind(
     name: str,
     annotation: Any,  # noqa: ANN401 - an annotation is anything
-    own_laws: tuple[str, ...],
+    own: tuple[str, ...],
 ) -> tuple[ValueKind, tuple[str, ...]]:
     section, _, key = name.rpartition(".")
     if key == "method" and section in METHODS:
         built_in = tuple(str(law.model_fields["method"].default) for law in METHODS[section])
-        return ValueKind.CHOICE, (*built_in, *own_laws)
+        return ValueKind.CHOICE, (*built_in, *own)
     if key == "driver" and section in DRIVERS:
-        return ValueKind.CHOICE, tuple(str(one.model_fields["driver"].default) for one in DRIVERS[section])
+        return ValueKind.CHOICE, (*(str(one.model_fields["driver"].default) for one in DRIVERS[section]), *own)
     if get_origin(annotation) is Literal:
         return ValueKind.CHOICE, tuple(str(word) for word in get_args(annotation))
     if get_origin(annotation) in {tuple, list}:

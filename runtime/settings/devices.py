@@ -1,31 +1,58 @@
-"""Settings of every lidar, discriminated by `lidar.driver`."""
+"""Settings of every lidar and every motor controller, discriminated by `lidar.driver` and `motor.driver`."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Final
 
 from pydantic import BaseModel, Discriminator, Tag
 
 from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.drivers.rplidar.settings import RplidarSettings
+from wallride.drivers.vesc.settings import VescSettings
 from wallride.drivers.ydlidar.settings import YdlidarSettings
+from wallride.runtime.host.user_class import OWN_TAG
+from wallride.runtime.own_drivers.driver_class import is_own
+from wallride.runtime.own_drivers.settings import OwnLidarSettings, OwnMotorSettings
 
-DEFAULT_LIDAR: Final = "hokuyo"
+DEFAULT_DRIVERS: Final[Mapping[str, str]] = {"lidar": "hokuyo", "motor": "vesc"}
 DRIVERS: Final[Mapping[str, tuple[type[BaseModel], ...]]] = {
-    "lidar": (HokuyoSettings, RplidarSettings, YdlidarSettings)
+    "lidar": (HokuyoSettings, RplidarSettings, YdlidarSettings),
+    "motor": (VescSettings,),
 }
-"""Settings of the drivers of each kind of device that has more than one."""
-DRIVER_TAGS: Final = frozenset({"hokuyo", "rplidar", "ydlidar"})
+"""Settings of the built-in drivers of each kind of device."""
+OWN_DRIVERS: Final[Mapping[str, type[BaseModel]]] = {"lidar": OwnLidarSettings, "motor": OwnMotorSettings}
+"""Settings of the user's own drivers, beside the built-in ones."""
+DRIVER_TAGS: Final = frozenset({"hokuyo", "rplidar", "ydlidar", "vesc", OWN_TAG})
 
 
-def _driver(value: Any) -> str:  # noqa: ANN401 - whatever stood in the file
-    found = value.get("driver", DEFAULT_LIDAR) if isinstance(value, Mapping) else getattr(value, "driver", "")
-    return str(found) or DEFAULT_LIDAR
+def _driver(section: str) -> Discriminator:
+    default = DEFAULT_DRIVERS[section]
+
+    def tell(value: Any) -> str:  # noqa: ANN401 - whatever stood in the file
+        found = value.get("driver", default) if isinstance(value, Mapping) else getattr(value, "driver", "")
+        name = str(found) or default
+        return OWN_TAG if name not in DRIVER_TAGS and is_own(section, name) else name
+
+    return Discriminator(tell)
 
 
-AnyLidarSettings = HokuyoSettings | RplidarSettings | YdlidarSettings
+AnyLidarSettings = HokuyoSettings | RplidarSettings | YdlidarSettings | OwnLidarSettings
+AnyMotorSettings = VescSettings | OwnMotorSettings
 ChosenLidar = Annotated[
     Annotated[HokuyoSettings, Tag("hokuyo")]
     | Annotated[RplidarSettings, Tag("rplidar")]
-    | Annotated[YdlidarSettings, Tag("ydlidar")],
-    Discriminator(_driver),
+    | Annotated[YdlidarSettings, Tag("ydlidar")]
+    | Annotated[OwnLidarSettings, Tag(OWN_TAG)],
+    _driver("lidar"),
 ]
+ChosenMotor = Annotated[
+    Annotated[VescSettings, Tag("vesc")] | Annotated[OwnMotorSettings, Tag(OWN_TAG)], _driver("motor")
+]
+
+
+def addresses(lidar: AnyLidarSettings, motor: AnyMotorSettings) -> Iterator[tuple[str, str]]:
+    """Yield the name of each setting that is the address of a device, and its text."""
+    for section, settings in (("lidar", lidar), ("motor", motor)):
+        own = getattr(settings, "own", None)
+        text = getattr(settings if own is None else own, "address", None)
+        if isinstance(text, str):
+            yield f"{section}.address" if own is None else f"{section}.own.address", text

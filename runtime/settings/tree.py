@@ -28,10 +28,18 @@ from wallride.runtime.control.method_settings import (
     SweptSafetySettings,
     kept_by_new_method,
 )
-from wallride.runtime.control.own_laws.law_class import ANSWERS, NAME, OWN_TAG, known_law, load_law
+from wallride.runtime.control.own_laws.law_class import OWN_TAG, known_law
 from wallride.runtime.control.vehicle import NAME_RULE, CarSettings
-from wallride.runtime.host.user_module import UserCodeError, search_in
-from wallride.runtime.settings.devices import DEFAULT_LIDAR, DRIVER_TAGS, DRIVERS, ChosenLidar
+from wallride.runtime.own_drivers.driver_class import known_driver
+from wallride.runtime.settings.devices import (
+    DEFAULT_DRIVERS,
+    DRIVER_TAGS,
+    DRIVERS,
+    OWN_DRIVERS,
+    ChosenLidar,
+    ChosenMotor,
+)
+from wallride.runtime.settings.imports import import_named, search_beside
 from wallride.runtime.settings.joystick import JoystickSettings
 from wallride.runtime.settings.operator import OperatorSettings
 from wallride.runtime.settings.parameters import ParameterSettings
@@ -112,7 +120,7 @@ class Settings(Section):
 
     car: CarSettings = CarSettings()
     lidar: ChosenLidar = HokuyoSettings()
-    motor: VescSettings = VescSettings()
+    motor: ChosenMotor = VescSettings()
     wall_follow: ChosenWallFollow = BallFollowSettings()
     safety: ChosenSafety = SweptSafetySettings()
     battery: BatterySettings = BatterySettings()
@@ -158,35 +166,37 @@ class Settings(Section):
 
 
 def load_settings(
-    path: Path | None, assignments: Sequence[str] = (), saved: Path | None = None, *, laws: bool = False
-) -> Settings:
+    path: Path | None, assignments: Sequence[str] = (), saved: Path | None = None, *, laws: bool = False,
+    drivers: bool = False,
+) -> Settings:  # fmt: skip
     """Build the tree from a file and `KEY=VALUE` texts; SettingsError when any part of it is unusable.
 
     saved: a second file on top of the first, where changes are saved; it need not exist yet. laws: import the own laws
-        that the settings name, for what drives or judges; without it no code of the user runs.
+        that the settings name, for what drives or judges; drivers: and the own drivers, for what opens devices;
+        without these no code of the user runs.
     """
     tree: dict[str, Any] = read_tree(path) if path is not None else {}
     above = read_tree(saved) if saved is not None and saved.exists() else {}
     name = f"{path}" if path is not None else "the settings"
     layers = {f"{saved}": above}
-    beside = path.parent if path is not None else None
-    return settings_from(layered(tree, above), assignments, laws=laws, name=name, beside=beside, layers=layers)
+    if laws or drivers:
+        search_beside(path)
+    return settings_from(layered(tree, above), assignments, laws=laws, drivers=drivers, name=name, layers=layers)
 
 
 def settings_from(
-    tree: Mapping[str, Any], assignments: Sequence[str] = (), *, laws: bool, name: str, beside: Path | None = None,
+    tree: Mapping[str, Any], assignments: Sequence[str] = (), *, laws: bool, name: str, drivers: bool = False,
     layers: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
 ) -> Settings:  # fmt: skip
     """Build the tree from a file's content; the rest as `load_settings`.
 
-    name: of the file in errors. beside: its folder, where own laws are looked for. layers: by name, what is already in
-        the tree and is to blame before the file.
+    name: of the file in errors. layers: by name, what is already in the tree and is to blame before the file.
     """
     said: dict[str, Any] = {}
     for assignment in assignments:
         _assign(said, assignment)
     tree = layered(tree, said)
-    mistakes: list[Any] = import_laws(tree, beside) if laws else []
+    mistakes: list[Any] = import_named(tree, laws=laws, drivers=drivers)
     settings = None
     try:
         settings = Settings.model_validate(tree)
@@ -200,32 +210,6 @@ def settings_from(
         where = next((at for at, layer in sources if _holds(layer, item["loc"])), name)
         found.setdefault(where, []).append(_sentence(item, tree))
     raise SettingsError("; ".join(f"{where}: {'; '.join(lines)}" for where, lines in found.items()))
-
-
-def import_laws(tree: Mapping[str, Any], beside: Path | None = None) -> list[Mapping[str, Any]]:
-    """Import the own laws that a tree names, before it is validated; return the mistakes, in pydantic's form.
-
-    beside: the folder of the settings file.
-    """
-    folders = [Path.cwd(), *([beside, beside / "laws"] if beside is not None else [])]
-    for folder in folders:
-        if folder.is_dir():
-            search_in(folder)
-    process = tree.get("process")
-    named = process.get("laws_folder") if isinstance(process, Mapping) else None
-    if isinstance(named, str) and named:
-        search_in(Path(named))
-    mistakes: list[Mapping[str, Any]] = []
-    for section in ANSWERS:
-        values = tree.get(section)
-        name = values.get("method") if isinstance(values, Mapping) else None
-        if isinstance(name, str) and NAME.fullmatch(name):  # another form is refused by the section
-            try:
-                load_law(section, name)
-            except UserCodeError as error:
-                place = {"loc": (section, OWN_TAG, "method"), "type": "value_error"}
-                mistakes.append({**place, "input": name, "msg": str(error)})
-    return mistakes
 
 
 def _holds(layer: Mapping[str, Any], place: Sequence[str | int]) -> bool:
@@ -252,7 +236,7 @@ def layered(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any
         if name in METHODS and value.get("method", before) != before:
             kept = kept_by_new_method(name, before, value["method"])
             under = {key: one for key, one in under.items() if key in kept}
-        if name in DRIVERS and value.get("driver", under.get("driver")) != under.get("driver", DEFAULT_LIDAR):
+        if name in DRIVERS and value.get("driver", under.get("driver")) != under.get("driver", DEFAULT_DRIVERS[name]):
             under = {}  # address and mounting are those of the other device
         tree[name] = layered(under, value)
     return tree
@@ -347,11 +331,12 @@ def _known_keys(path: Sequence[str | int], tree: Mapping[str, Any]) -> list[str]
     """Return the keys of the section in which an unknown one was found; `path` may hold the tag of a method."""
     section: Any = Settings
     if path[1:3] == (OWN_TAG, "own"):
-        law = known_law(str(path[0]), tree[str(path[0])]["method"])
-        return list(law.model.model_fields) if law is not None else []
+        name = str(path[0])
+        user = known_driver(name, tree[name]["driver"]) if name in DRIVERS else known_law(name, tree[name]["method"])
+        return list(user.model.model_fields) if user is not None else []
     for part in path:
         if part == OWN_TAG:
-            section = OWN_METHODS[str(path[0])]
+            section = {**OWN_METHODS, **OWN_DRIVERS}[str(path[0])]
         elif part in _TAGS:
             choice = "driver" if part in DRIVER_TAGS else "method"
             section = next(model for model in section if model.model_fields[choice].default == part)

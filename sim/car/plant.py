@@ -5,6 +5,7 @@ import math
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.sim.car.inertia import EmulatedImu
 from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle
+from wallride.sim.devices.own import OwnMotorEmulator
 from wallride.sim.devices.vesc import MotorDemand, VescEmulator
 from wallride.sim.world.pose import Pose
 
@@ -19,7 +20,9 @@ class Plant:
     wiring: the true gains of this car; the runtime's settings should agree with them.
     """
 
-    def __init__(self, vehicle: Vehicle, vesc: VescEmulator, wiring: VescSettings, start_s: float) -> None:
+    def __init__(
+        self, vehicle: Vehicle, vesc: VescEmulator | OwnMotorEmulator, wiring: VescSettings, start_s: float
+    ) -> None:
         self.vehicle = vehicle
         self._vesc = vesc
         self._wiring = wiring

@@ -5,6 +5,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field
 
 from wallride.drivers.vesc.settings import VescSettings
+from wallride.runtime.settings.devices import AnyMotorSettings
 
 
 class WiringErrors(BaseModel):
@@ -20,8 +21,9 @@ class WiringErrors(BaseModel):
     servo_offset: Annotated[float, Field(ge=-0.3, le=0.3)] = 0.0
     servo_gain_share: Annotated[float, Field(ge=0.3, le=3)] = 1.0
 
-    def wired(self, configured: VescSettings) -> VescSettings:
-        """Return the true gains of a car with these settings."""
+    def wired(self, settings: AnyMotorSettings) -> VescSettings:
+        """Return the true gains of a car with these settings; the usual ones where its motor is no VESC."""
+        configured = settings if isinstance(settings, VescSettings) else VescSettings()
         if self == NO_ERRORS:
             return configured
         return configured.model_copy(

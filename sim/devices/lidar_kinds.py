@@ -3,7 +3,9 @@
 from collections.abc import Callable
 from typing import Final
 
+from wallride.runtime.own_drivers.driver_class import is_own
 from wallride.sim.devices import rplidar, ydlidar
+from wallride.sim.devices.own import OwnLidarEmulator, emulator_of
 from wallride.sim.devices.turning import TurningDevice
 
 HOKUYO: Final = "hokuyo"
@@ -18,6 +20,11 @@ _DEVICES: Final[dict[str, tuple[str, Callable[[], TurningDevice]]]] = {
     "x2": ("ydlidar", lambda: ydlidar.YdlidarDevice(ydlidar.X2)),
     "g4": ("ydlidar", lambda: ydlidar.YdlidarDevice(ydlidar.G4)),
 }
+
+
+def device_for(word: str) -> TurningDevice | OwnLidarEmulator | None:
+    """As `emulated`, also of a driver of the user; UserCodeError where that has no emulator."""
+    return OwnLidarEmulator(emulator_of("lidar", word)) if is_own("lidar", word) else emulated(word)
 
 
 def emulated(word: str) -> TurningDevice | None:

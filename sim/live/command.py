@@ -12,6 +12,8 @@ from typing import Any
 
 from rich.console import Console
 
+from wallride.runtime.host.user_module import UserCodeError
+from wallride.runtime.own_drivers.settings import OwnMotorSettings
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.car.vehicle import Vehicle, VehicleSettings
 from wallride.sim.devices import lidar_kinds
@@ -80,7 +82,7 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
         scene = _scenario_scene(options, scenario) if scenario is not None else None
         drive = _replay if options.recording is not None else partial(_drive, chosen=scene)
         summary = drive(options, config, settings, stop, console)
-    except (SettingsError, RecordingError, ConditionsError, FileMistakeError, SimUsageError) as error:
+    except (SettingsError, UserCodeError, RecordingError, ConditionsError, FileMistakeError, SimUsageError) as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
         return USAGE_ERROR
     except SessionError as error:
@@ -101,7 +103,7 @@ def _load(options: argparse.Namespace, config: Path, saved: Path) -> Settings:
     """Return the settings of the drive, with the driver of the lidar that is emulated; the options then name it."""
     if options.lidar is not None:
         options.assignments = [*lidar_kinds.assignments(options.lidar), *options.assignments]
-    settings = load_settings(config, options.assignments, saved, laws=True)
+    settings = load_settings(config, options.assignments, saved, laws=True, drivers=True)
     options.lidar = options.lidar or settings.lidar.driver
     return settings
 
@@ -140,7 +142,7 @@ def _drive(
     with stop.loading():
         conditions, scene, vehicle = build_scene(options, settings, chosen)
     scene.back_to = vehicle.pose if options.put_back else None
-    scene.turning = lidar_kinds.emulated(options.lidar)
+    scene.turning = lidar_kinds.device_for(options.lidar)
     if chosen is not None and scene.turning is not None:
         raise SimUsageError(f"--lidar {options.lidar}: a scenario drives with the Hokuyo, whose faults it sets")
     world = scene.world
@@ -156,6 +158,7 @@ def _drive(
         desired_m=settings.wall_follow.desired_distance_m,
         watched=not options.headless,
         changes=live,
+        own_motor=own_motor(settings),
         **attach,
     )
     start = _start(options, config, settings, world.name)
@@ -173,6 +176,11 @@ def _drive(
     if options.plot is not None:
         plot_drive(options.plot, world, record, settings)
     return summary
+
+
+def own_motor(settings: Settings) -> str:
+    """Return the driver of the motor where it is the user's, "" else."""
+    return settings.motor.driver if isinstance(settings.motor, OwnMotorSettings) else ""
 
 
 def build_scene(
@@ -216,7 +224,7 @@ def _fleet(
     except (ValueError, OSError) as error:
         raise SimUsageError(str(error)) from None
     for car in cars:
-        car.scene.turning = lidar_kinds.emulated(options.lidar)
+        car.scene.turning = lidar_kinds.device_for(options.lidar)
     try:
         asyncio.run(run_fleet(cars, options, config, settings, stop, console))
     except* SessionError as group:
@@ -244,7 +252,8 @@ def _replay(
     scene = RecordingScene(recording)
     vehicle = Vehicle(VehicleSettings(), Pose(0.0, 0.0, 0.0))
     wanted_m = settings.wall_follow.desired_distance_m
-    session = SimulatorSession(scene, vehicle, settings.motor, desired_m=wanted_m, watched=not options.headless)
+    wiring = Conditions().wiring.wired(settings.motor)
+    session = SimulatorSession(scene, vehicle, wiring, desired_m=wanted_m, watched=not options.headless)
     session.record.steering_rad = answers_rad = list[float]()
     duration_s = options.duration or math.inf
     start = _start(options, config, settings, f"recording {recording.name}")

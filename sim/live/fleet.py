@@ -60,7 +60,8 @@ def build_fleet(
         scene = WorldScene(own_world, side, conditions.lidar, None, seed + k, things)
         scene.back_to = vehicle.pose if put_back else None
         scene.surroundings = TrafficWorld(own_world, things, [other for other in vehicles if other is not vehicle])
-        session = SimulatorSession(scene, vehicle, settings.motor, desired_m=settings.wall_follow.desired_distance_m)
+        wiring = conditions.wiring.wired(settings.motor)
+        session = SimulatorSession(scene, vehicle, wiring, desired_m=settings.wall_follow.desired_distance_m)
         session.join(all_ready.wait)
         cars.append(SimulatedCar(f"car{k + 1}", scene, session))
     return cars

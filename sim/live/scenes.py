@@ -8,6 +8,7 @@ import numpy as np
 from wallride.drivers.api import ProtocolError
 from wallride.drivers.hokuyo.replies import SensorParameters
 from wallride.sim.car.vehicle import Vehicle, VehicleSettings
+from wallride.sim.devices.own import OwnLidarEmulator
 from wallride.sim.devices.scip_encode import UST_10LX, SensorModel
 from wallride.sim.devices.turning import Rays, TurningDevice
 from wallride.sim.figures.comparison import ComparedSteering, drove, recorded_answers
@@ -33,7 +34,7 @@ class WorldScene:
     """
 
     model = UST_10LX
-    turning: TurningDevice | None = None
+    turning: TurningDevice | OwnLidarEmulator | None = None
     """The lidar of a full circle in place of the Hokuyo, if any."""
 
     def __init__(
@@ -133,7 +134,7 @@ class RecordingScene:
         self.recording = recording
         self.back_to: Pose | None = None
         self.model = sensor_of(recording)
-        self.turning: TurningDevice | None = None
+        self.turning: TurningDevice | OwnLidarEmulator | None = None
         self._position = 0
         self._ranges_mm = to_sensor_mm(recording.ranges_m, recording.range_min_m, recording.range_max_m)
         # The sensor's clock must not start below zero: foreign stamps may lie far before the first scan.

@@ -20,6 +20,7 @@ from wallride.runtime.realtime.periodic import PeriodicTimer, Tick
 from wallride.runtime.wire import topics
 from wallride.sim.car.plant import Plant
 from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.devices.own import OwnLidarEmulator, OwnMotorEmulator, emulator_of
 from wallride.sim.devices.scip import ScipEmulator
 from wallride.sim.devices.scip_encode import SensorModel
 from wallride.sim.devices.turning import Rays, TurningDevice, TurningEmulator
@@ -46,7 +47,9 @@ STAMP_MS = 1 << 24
 """SCIP stamps are 24 bits of milliseconds and wrap."""
 
 Ranges = npt.NDArray[np.int64]
-EmulatedLidar = ScipEmulator | TurningEmulator
+TurningLidar = TurningEmulator | OwnLidarEmulator
+EmulatedLidar = ScipEmulator | TurningLidar
+EmulatedMotor = VescEmulator | OwnMotorEmulator
 
 
 class SessionError(Exception):
@@ -81,7 +84,7 @@ class LidarScene(Protocol):
         ...
 
     @property
-    def turning(self) -> TurningDevice | None:
+    def turning(self) -> TurningDevice | OwnLidarEmulator | None:
         """Return the lidar of a full circle in place of the Hokuyo, if any."""
         ...
 
@@ -121,14 +124,15 @@ class SimulatorSession:
 
     desired_m: the wanted distance at the start. watched: whether a monitor serves its page meanwhile.
     changes: conditions that the page may change, None for none.
-    on_devices: gets the emulators once they run.
+    on_devices: gets the emulators once they run. own_motor: driver of the user in place of the VESC's, "" for none.
     """
 
     def __init__(
         self, scene: LidarScene, vehicle: Vehicle, wiring: VescSettings, *, desired_m: float = math.nan,
         watched: bool = False, changes: LiveConditions | None = None,
-        on_devices: Callable[[ScipEmulator, VescEmulator], None] = lambda _scip, _vesc: None,
+        on_devices: Callable[[ScipEmulator, VescEmulator], None] = lambda _scip, _vesc: None, own_motor: str = "",
     ) -> None:  # fmt: skip
+        self._own_motor = own_motor
         self._watched = watched
         self._changes = changes
         self._on_devices = on_devices
@@ -202,21 +206,33 @@ class SimulatorSession:
         if listener is not None:
             self.record.changes = await listener.changes_since(self.record.began_s) or self.record.changes
 
-    async def _devices(self, stack: AsyncExitStack, folder: Path) -> tuple[EmulatedLidar, VescEmulator, list[str]]:
-        """Start both emulators; returns them and the settings that name their addresses."""
+    async def _motor(self, stack: AsyncExitStack, folder: Path) -> tuple[EmulatedMotor, str]:
+        """Start the emulated motor controller; return it and the setting that names its address."""
+        if self._own_motor:
+            own = OwnMotorEmulator(emulator_of("motor", self._own_motor), self._on_command)
+            stack.push_async_callback(own.close)
+            return own, f"motor.own.address={await own.start()}"
         vesc = VescEmulator(folder / "vesc", on_command=self._on_command)
         vesc.start()
         stack.callback(vesc.close)
-        motor = f"motor.address=serial://{folder / 'vesc'}"
-        if self._scene.turning is not None:
-            turning = TurningEmulator(self._scene.turning)
+        return vesc, f"motor.address=serial://{folder / 'vesc'}"
+
+    async def _devices(self, stack: AsyncExitStack, folder: Path) -> tuple[EmulatedLidar, EmulatedMotor, list[str]]:
+        """Start both emulators; returns them and the settings that name their addresses."""
+        vesc, motor = await self._motor(stack, folder)
+        if isinstance(device := self._scene.turning, OwnLidarEmulator):
+            stack.push_async_callback(device.close)
+            return device, vesc, [f"lidar.own.address={await device.start()}", motor]
+        if device is not None:
+            turning = TurningEmulator(device)
             turning.start_serial(folder / "lidar")
             stack.callback(turning.close)
             return turning, vesc, [f"lidar.address=serial://{folder / 'lidar'}", motor]
         scip = ScipEmulator(self._scene.model)
         port = await scip.start_tcp()
         stack.callback(scip.close)
-        self._on_devices(scip, vesc)
+        if isinstance(vesc, VescEmulator):
+            self._on_devices(scip, vesc)
         return scip, vesc, [f"lidar.address=tcp://127.0.0.1:{port}", motor]
 
     async def _until_up(
@@ -269,7 +285,7 @@ class SimulatorSession:
                 raise SessionError(f"the runtime ended by itself (exit code {runtime.exit_code}); it said:\n{said}")
             await asyncio.sleep(STEP_S)
 
-    def _plant(self, vesc: VescEmulator) -> Plant:
+    def _plant(self, vesc: EmulatedMotor) -> Plant:
         return Plant(self._vehicle, vesc, self._wiring, time.monotonic())
 
     def _stepper(self, scip: EmulatedLidar, plant: Plant) -> Tick:
@@ -285,7 +301,7 @@ class SimulatorSession:
             record.time_s = now_s - begin_s
             if self._scene.step(record.time_s, self._vehicle):
                 plant.crash()
-            if isinstance(scip, TurningEmulator):
+            if isinstance(scip, TurningLidar):
                 self._turn(scip, now_s)
             while (due := self._scene.scan(record.time_s, self._vehicle)) is not None:
                 if record.steering_rad is not None:
@@ -295,7 +311,7 @@ class SimulatorSession:
 
         return step
 
-    def _turn(self, lidar: TurningEmulator, now_s: float) -> None:
+    def _turn(self, lidar: TurningLidar, now_s: float) -> None:
         """Let the head measure what it has passed since the last step; a scan ends where it looks back."""
         before = lidar.turns_past_back
         sent_s = lidar.advance(now_s, lambda rays: self._scene.see(self._vehicle, rays))
@@ -305,7 +321,7 @@ class SimulatorSession:
     def _publish(self, scip: EmulatedLidar, ranges_mm: Ranges, stamp_ms: int) -> None:
         """Send a scan of the Hokuyo; of another lidar it is only what is drawn."""
         self.record.ranges_mm = ranges_mm
-        if isinstance(scip, TurningEmulator):
+        if isinstance(scip, TurningLidar):
             return
         sent_s = scip.publish(ranges_mm, stamp_ms % STAMP_MS)
         if sent_s is not None:

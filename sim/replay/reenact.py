@@ -36,7 +36,8 @@ from wallride.runtime.recording.decision_log import (
     SettingsEvent,
 )
 from wallride.runtime.recording.laws_fingerprint import laws_fingerprint
-from wallride.runtime.settings.tree import Settings, import_laws
+from wallride.runtime.settings.imports import import_named
+from wallride.runtime.settings.tree import Settings
 from wallride.runtime.wire import topics
 from wallride.sim.recordings import RecordingError
 from wallride.sim.replay import difference
@@ -255,7 +256,7 @@ class _Reenactment:
         self._adopts = True
 
     def _settings(self, tree: Any) -> Settings:  # noqa: ANN401 - plain values as recorded
-        if missing := import_laws(tree):
+        if missing := import_named(tree, laws=True, drivers=False):
             raise RecordingError(f"its own law cannot be used: {missing[0]['msg']}")
         tree, gone = _without_unknown(tree)
         note = f"its settings {', '.join(gone)} do not exist any more: they are left out."

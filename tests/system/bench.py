@@ -111,7 +111,8 @@ async def bench(
     car = Bench(scip, vesc)
     # The scans here do not move with the car, which only the report's laws do not mind.
     laws = ["wall_follow.method=report", "safety.method=report", "telemetry.enabled=false"]
-    addresses = [f"lidar.address=tcp://127.0.0.1:{port}", f"motor.address=serial://{tmp_path / 'vesc'}"]
+    own = "own." if any(one.startswith("lidar.driver=") for one in assignments) else ""
+    addresses = [f"lidar.{own}address=tcp://127.0.0.1:{port}", f"motor.address=serial://{tmp_path / 'vesc'}"]
     car.runtime = RuntimeProcess(ROOT / "config" / "sim.toml", [*laws, *addresses, *assignments], program=program)
     turning = asyncio.create_task(car.turn())
     try:

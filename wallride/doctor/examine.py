@@ -18,6 +18,7 @@ from wallride.doctor.places import colliding_places
 from wallride.doctor.ports import check_ports
 from wallride.doctor.program import check_program
 from wallride.doctor.wheels_up import Ask, measure_wheels_up
+from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.runtime.wire.port_holder import holder_of
 
@@ -33,11 +34,11 @@ def find_settings(
 ) -> tuple[Settings, Finding]:
     """Return the settings and what is to be said of them; the defaults where they are unusable.
 
-    Own laws are imported where these groups look at them.
+    Own laws and drivers are imported where these groups look at them.
     """
     where = str(config) if config is not None else "no file: the defaults"
     try:
-        settings = load_settings(config, assignments, laws="program" in groups)
+        settings = load_settings(config, assignments, laws="program" in groups, drivers=bool(DEVICES & set(groups)))
         if found := colliding_places(settings, [config]):
             return settings, fail("settings", "; ".join(found), "correct the file: the car does not start with it")
         return settings, ok("settings", where)
@@ -96,7 +97,7 @@ async def _motor(settings: Settings, wheels_up: Ask | None) -> AsyncIterator[Fin
     report = await look_at_motor(settings.motor)
     for finding in judge_motor(report, settings.battery):
         yield finding
-    if report.state is None:
+    if report.state is None or not isinstance(settings.motor, VescSettings):
         return
     for finding in judge_app_config(await read_app_config(settings.motor)):
         yield finding

@@ -10,9 +10,10 @@ from wallride.doctor.findings import Finding, fail, ok, warn
 from wallride.drivers.api import Health, LinkState, MotorState
 from wallride.drivers.vesc.driver import Vesc
 from wallride.drivers.vesc.replies import Firmware
-from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.control.battery import FULL_CELL_V, USB_ONLY_V, BatterySettings
 from wallride.runtime.ending import end
+from wallride.runtime.lidars import motor_for
+from wallride.runtime.settings.devices import AnyMotorSettings
 
 PATIENCE_S: Final = 7.0
 OBSERVED_S: Final = 1.3
@@ -46,9 +47,9 @@ class MotorReport:
     firmware: Firmware | None = None
 
 
-async def look_at_motor(settings: VescSettings, *, patience_s: float = PATIENCE_S) -> MotorReport:
+async def look_at_motor(settings: AnyMotorSettings, *, patience_s: float = PATIENCE_S) -> MotorReport:
     """Run the driver until it has reported for a while, or failed."""
-    driver = Vesc(settings)
+    driver = motor_for(settings)
     running = asyncio.create_task(driver.run())
     report = MotorReport(driver.health)
     give_up_s = time.monotonic() + patience_s
@@ -63,7 +64,7 @@ async def look_at_motor(settings: VescSettings, *, patience_s: float = PATIENCE_
             await asyncio.sleep(_POLL_S)
     finally:
         report.health = Health(**{name: getattr(driver.health, name) for name in Health.__slots__})
-        report.firmware = driver.firmware
+        report.firmware = driver.firmware if isinstance(driver, Vesc) else None
         for error in await end(running):
             raise error
     return report
@@ -82,7 +83,7 @@ def judge_motor(report: MotorReport, battery: BatterySettings) -> list[Finding]:
         found.append(
             warn("motor line", f"{bad} replies damaged or missing", "a short USB cable with a ferrite, off the motor's")
         )
-    return [*found, judge_battery(state.voltage_v, battery)]
+    return [*found, *([] if math.isnan(state.voltage_v) else [judge_battery(state.voltage_v, battery)])]
 
 
 def _firmware(firmware: Firmware | None) -> Finding:

@@ -16,7 +16,7 @@ def colliding_places(settings: Settings, files: Sequence[Path | None]) -> list[s
     """Return a sentence for each place that a program would write over. files: the settings files."""
     written = {name: path.expanduser().resolve() for name, path in _written(settings)}
     others = {f"the settings file {path}": path.resolve() for path in files if path is not None}
-    others |= {f"{kind}.address": path.resolve() for kind, _, path in serial_paths(settings)}
+    others |= {name: path.resolve() for name, _, path in serial_paths(settings)}
     found = [
         f"{one} and {other} are the same, {written[one]}: name another place"
         for one, other in itertools.combinations([*written, *others], 2)

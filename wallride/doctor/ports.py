@@ -7,7 +7,7 @@ from typing import Final
 from wallride.doctor.computer import Computer, read
 from wallride.doctor.findings import Finding, fail, ok, warn
 from wallride.drivers.address import SerialAddress, parse_address
-from wallride.runtime.settings.devices import DEFAULT_LIDAR
+from wallride.runtime.settings.devices import DEFAULT_DRIVERS, addresses
 from wallride.runtime.settings.tree import Settings
 
 RULES: Final = "/etc/udev/rules.d/99-wallride.rules"
@@ -28,26 +28,30 @@ def unusable_paths(settings: Settings) -> list[str]:
     found = []
     for kind, text, path in serial_paths(settings):
         if path.is_dir():
-            found.append(f"{kind}.address = {text}: is a directory; name the device in it")
+            found.append(f"{kind} = {text}: is a directory; name the device in it")
         elif path.is_file():
-            found.append(f"{kind}.address = {text}: is an ordinary file; name a serial device")
+            found.append(f"{kind} = {text}: is an ordinary file; name a serial device")
     return found
 
 
 def serial_paths(settings: Settings) -> Iterator[tuple[str, str, Path]]:
-    """Yield section, address as written, and path of each device on a serial port."""
-    for kind, text in (("lidar", settings.lidar.address), ("motor", settings.motor.address)):
-        address = parse_address(text)
+    """Yield setting, address as written, and path of each device on a serial port."""
+    for name, text in addresses(settings.lidar, settings.motor):
+        try:
+            address = parse_address(text)
+        except ValueError:  # of an own driver, whose addresses are its own affair
+            continue
         if isinstance(address, SerialAddress):
-            yield kind, text, Path(address.path)
+            yield name, text, Path(address.path)
 
 
 def check_ports(computer: Computer, settings: Settings) -> list[Finding]:
     """Look at the serial ports and at the programs that are known to disturb them."""
-    driver = settings.lidar.driver
+    chosen = {"lidar": settings.lidar.driver, "motor": settings.motor.driver}
     found = [
-        _port(computer, kind, text, path, adapter=kind == "lidar" and driver != DEFAULT_LIDAR)
-        for kind, text, path in serial_paths(settings)
+        _port(computer, name, text, path, adapter=chosen[kind] != DEFAULT_DRIVERS[kind])
+        for name, text, path in serial_paths(settings)
+        for kind in [name.partition(".")[0]]
     ]
     places = [computer.device(str(path)).resolve() for _, _, path in serial_paths(settings)]
     if len(set(places)) < len(places):
@@ -57,10 +61,11 @@ def check_ports(computer: Computer, settings: Settings) -> list[Finding]:
     return [*found, _brltty(computer), _modem_manager(computer)]
 
 
-def _port(computer: Computer, kind: str, text: str, path: Path, *, adapter: bool) -> Finding:
+def _port(computer: Computer, name: str, text: str, path: Path, *, adapter: bool) -> Finding:
     """Look at one port. adapter: the device is behind a USB adapter, whose ids many devices have."""
+    kind = name.partition(".")[0]
     subject, device = f"{kind} port", computer.device(str(path))
-    what = f"{kind}.address = {text}"
+    what = f"{name} = {text}"
     if device.is_dir():
         return fail(subject, f"{what}: is a directory", "name the device in it")
     if device.is_file():

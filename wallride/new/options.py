@@ -1,4 +1,4 @@
-"""`wallride new law`: a first law of one's own, with a test beside it."""
+"""`wallride new`: a first law or driver of one's own, with tests beside it."""
 
 import argparse
 from pathlib import Path
@@ -9,11 +9,13 @@ HERE = Path(__file__).parent
 KINDS = {"pd": ("pd_follower", "Pd"), "gap": ("gap_follower", "Gap")}
 """File and name of each example."""
 CLASS = "Follower"
+DRIVERS = ("lidar", "motor")
+DRIVER, EMULATOR = "Driver", "Emulator"
 
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add `new` and what it makes."""
-    new = commands.add_parser("new", help="begin something of your own: a law")
+    new = commands.add_parser("new", help="begin something of your own: a law, a driver")
     things = new.add_subparsers(dest="thing", required=True, metavar="THING")
     law = things.add_parser("law", help="write a first law of your own and its test, to change (docs/your-own-law.md)")
     law.add_argument("file", type=Path, metavar="FILE.py", help="the law's file, for example my_laws.py")
@@ -22,6 +24,12 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         help="pd: after the lab report's wall follower; gap: drives for the freest direction (default: pd)",
     )  # fmt: skip
     law.set_defaults(run=run)
+    driver = things.add_parser(
+        "driver", help="write a first driver of your own, its emulator and tests (docs/your-own-driver.md)"
+    )
+    driver.add_argument("name", metavar="NAME", help="the module's name, for example my_lidar")
+    driver.add_argument("--kind", choices=DRIVERS, required=True, help="lidar or motor")
+    driver.set_defaults(run=run_driver)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -40,6 +48,26 @@ def run(options: argparse.Namespace) -> int:
     test.write_text(_text("law_test", "Pd", law.stem), encoding="utf-8")
     print(f"{law}: class {CLASS}; {test}: its test (python -m pytest {test})")
     print(f"drive it:  wallride sim --set wall_follow.method={law.stem}:{CLASS}")
+    return 0
+
+
+def run_driver(options: argparse.Namespace) -> int:
+    """Write three files here; 2 where one exists, or the name cannot be imported."""
+    name, kind = str(options.name).removesuffix(".py"), str(options.kind)
+    if not name.isidentifier():
+        return fail(f"{name}: give a name of letters, digits and _, for example my_{kind}")
+    names = {f"{kind}_driver_test": f"test_{name}", f"{kind}_driver": name, f"{kind}_emulator": f"{name}_emulator"}
+    for module in names.values():
+        if Path(f"{module}.py").exists():
+            return fail(f"{module}.py: exists already; nothing was written")
+    for source, module in names.items():
+        text = (HERE / f"{source}.py").read_text(encoding="utf-8")
+        for one, own in names.items():
+            text = text.replace(f"wallride.new.{one}", own)
+        text = text.replace(f"{kind.capitalize()}Driver", DRIVER).replace(f"{kind.capitalize()}Device", EMULATOR)
+        Path(f"{module}.py").write_text(text, encoding="utf-8")
+    print(f"{name}.py: class {DRIVER}; {name}_emulator.py: its device; test_{name}.py: python -m pytest test_{name}.py")
+    print(f"drive it:  wallride sim --set {kind}.driver={name}:{DRIVER}")
     return 0
 
 

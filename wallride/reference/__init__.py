@@ -27,7 +27,7 @@ from wallride.runtime.control.report.settings import ReportFollowSettings, Repor
 from wallride.runtime.parameters.catalogue import Parameter, catalogue
 from wallride.runtime.parameters.policy import Effect
 from wallride.runtime.ros.definitions import TYPES
-from wallride.runtime.settings.devices import DEFAULT_LIDAR, DRIVER_TAGS
+from wallride.runtime.settings.devices import DEFAULT_DRIVERS, DRIVERS, OWN_DRIVERS
 from wallride.runtime.settings.telemetry import RatesHz
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.wire import topics
@@ -144,26 +144,27 @@ def _sections(
     """Yield each section with its settings; those of other laws after those of the default laws."""
     for section in dict.fromkeys(name.rpartition(".")[0] for name in default):
         chosen = [parameter for name, parameter in default.items() if name.rpartition(".")[0] == section]
-        choices = {f"{section}.method": "method", **({"lidar.driver": "driver"} if section == "lidar" else {})}
+        choices = {f"{section}.method": "method", **{f"{one}.driver": "driver" for one in DRIVERS if one == section}}
         choice = next((p for p in chosen if p.name in choices), None)
         if choice is None:
             yield section, chosen
         else:
             yield f"{section}, {choices[choice.name]} = {json.dumps(choice.default)}", chosen
-        if section == "lidar":
-            yield from _other_lidars()
+        if section in DRIVERS:
+            yield from _other_drivers(section)
     for law, known in others.items():
         for section in ("wall_follow", "safety"):
             chosen = [parameter for name, parameter in known.items() if name.rpartition(".")[0] == section]
             yield f'{section}, method = "{law}"', chosen
 
 
-def _other_lidars() -> Iterator[tuple[str, list[Parameter]]]:
-    """Yield the settings of the lidars other than the default one."""
-    for name in sorted(DRIVER_TAGS - {DEFAULT_LIDAR}):
-        settings = Settings.model_validate({"lidar": {"driver": name}})
-        known = catalogue(settings).items()
-        yield f'lidar, driver = "{name}"', [one for key, one in known if key.rpartition(".")[0] == "lidar"]
+def _other_drivers(section: str) -> Iterator[tuple[str, list[Parameter]]]:
+    """Yield the settings of a device's drivers other than the default one."""
+    built_in = {str(model.model_fields["driver"].default): model.model_construct() for model in DRIVERS[section]}
+    del built_in[DEFAULT_DRIVERS[section]]
+    for name, chosen in (*sorted(built_in.items()), (OWN_TAG, OWN_DRIVERS[section].model_construct())):
+        known = catalogue(Settings().model_copy(update={section: chosen})).items()
+        yield f'{section}, driver = "{name}"', [one for key, one in known if key.rpartition(".")[0] == section]
 
 
 def _setting_row(parameter: Parameter) -> str:

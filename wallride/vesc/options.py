@@ -59,6 +59,7 @@ def run(options: argparse.Namespace) -> int:
 
     from wallride.doctor.computer import this_computer
     from wallride.drivers.address import parse_address
+    from wallride.drivers.vesc.settings import VescSettings
     from wallride.runtime.settings.tree import SettingsError, load_settings
     from wallride.vesc import change
     from wallride.vesc.backup import backup_folder
@@ -67,6 +68,8 @@ def run(options: argparse.Namespace) -> int:
     try:
         file = options.config or default_config()
         settings = load_settings(file, options.assignments)
+        if not isinstance(settings.motor, VescSettings):
+            return fail(f"motor.driver = {settings.motor.driver}: this is about a VESC")
         say(f"settings of {file or 'no file: the defaults'}; motor controller at {settings.motor.address}")
         refuse_taken_port(this_computer(), settings)
         access = change.VescAccess(parse_address(settings.motor.address), backup_folder(), say, _consent(options))

@@ -5,7 +5,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
-from wallride.runtime.settings.tree import Settings
+from wallride.drivers.vesc.settings import VescSettings
 from wallride.sim.car.vehicle import Vehicle, VehicleSettings
 from wallride.sim.live.emulated_car import DeviceAddresses, EmulatedCar, EmulatedPorts
 from wallride.sim.live.scenes import WorldScene
@@ -26,7 +26,7 @@ def car(folder, *, lidar=None, world="corridor", **changes):
     ports = {"tcp_port": 0, "serial_lidar": True, "timeout_s": 0.15, "brake_a": 10.0} | changes
     scene = WorldScene(place, "left", lidar or LidarSettings(), None, 0)
     vehicle = Vehicle(VehicleSettings(), place.start)
-    return EmulatedCar(scene, vehicle, Settings().motor, EmulatedPorts(folder, **ports))
+    return EmulatedCar(scene, vehicle, VescSettings(), EmulatedPorts(folder, **ports))
 
 
 @asynccontextmanager

@@ -174,6 +174,9 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(PROCESS, "own law raises or answers oddly", "brake; its fault, with file and line", PERMIT,
           "tests/runtime/control/own_laws/test_own_laws.py::"
           "test_each_mistake_stops_the_car_with_name_and_line"),
+    Fault(PROCESS, "own driver raises, hangs, lies", "brake; its fault, with file and line; it is made anew", SELF,
+          "tests/system/test_own_driver.py::"
+          "test_a_lie_stops_the_car_with_its_reason_and_line_and_the_process_lives"),
     Fault(PROCESS, "own law takes a signal or the exit", "brake; its fault; SIGTERM ends the process", PERMIT,
           OWN_LAW + "test_a_law_takes_neither_the_signals_nor_the_exit"),
     Fault(PROCESS, "SIGTERM", "brake, rest, exit code 0", "start it again",

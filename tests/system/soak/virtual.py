@@ -26,6 +26,7 @@ from wallride.drivers.hokuyo.driver import Hokuyo
 from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.drivers.link import ByteLink
 from wallride.drivers.vesc.driver import Vesc
+from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.app import Car, CarSurroundings
 from wallride.runtime.realtime.scan_phase import ScanPhase
 from wallride.runtime.settings.tree import Settings
@@ -87,6 +88,7 @@ class VirtualSoak(SoakSurroundings):
             }
         )
         phase = ScanPhase()
+        assert isinstance(settings.motor, VescSettings)
         motor = Vesc(settings.motor, clock=clock, clear_s=phase.clear_s, replied=phase.replied)
         assert isinstance(settings.lidar, HokuyoSettings)
         lidar = Hokuyo(settings.lidar, clock=clock, clear_s=phase.clear_s)

@@ -1,0 +1,104 @@
+"""What every scan of a lidar must be, whoever wrote its driver. Pure; the contract is `Scan` in `drivers/api.py`.
+
+The car judges by this what drivers from outside deliver, and the conformance kit what all of them do.
+"""
+
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from wallride.drivers.api import Scan
+
+MAX_BEAMS: Final = 20_000
+MAX_RANGE_M: Final = 300.0
+MAX_SWEEP_S: Final = 1.0
+FUTURE_S: Final = 0.002
+"""Tolerance of a stamp that is ahead of the clock: of two readings of it."""
+MOVED_RAD: Final = 0.05
+"""Change of an edge of the field from one scan to the next that another number of beams does not explain."""
+_NUMBERS: Final = ("stamp_s", "received_s", "angle_min_rad", "angle_step_rad", "range_min_m", "range_max_m", "ray_s")
+
+
+class ScanCheck:
+    """Judges the scans of one run of a driver, in order."""
+
+    def __init__(self) -> None:
+        self._before: Scan | None = None
+
+    def fault(self, scan: object, now_s: float) -> str:
+        """Return what is wrong with a scan, as words after the driver's name; "" where it may be used.
+
+        A scan that is merely old is in order: it says so itself.
+        """
+        if not isinstance(scan, Scan):
+            return f"delivered a {type(scan).__name__} where a Scan is needed"
+        fault = _form(scan) or _time(scan, now_s) or _field(scan) or _ranges(scan)
+        if not fault and self._before is not None:
+            fault = _order(scan, self._before)
+        self._before = scan
+        return fault
+
+
+def _form(scan: Scan) -> str:
+    ranges_m: Any = scan.ranges_m  # whatever it really is
+    if not isinstance(ranges_m, np.ndarray) or ranges_m.ndim != 1 or ranges_m.dtype != np.float32:
+        return "delivered ranges_m that is no array (n,) of float32"
+    if not 2 <= ranges_m.size <= MAX_BEAMS:
+        return f"delivered a scan of {ranges_m.size} beams"
+    for name in _NUMBERS:
+        number: Any = getattr(scan, name)
+        if not isinstance(number, int | float) or not math.isfinite(number):
+            return f"delivered {name} that is no finite number"
+    sequence: Any = scan.sequence
+    return "" if isinstance(sequence, int) else "delivered a sequence that is no whole number"
+
+
+def _time(scan: Scan, now_s: float) -> str:
+    if scan.received_s > now_s + FUTURE_S:
+        return f"delivered a scan received {scan.received_s - now_s:.3g} s in the future"
+    if scan.stamp_s > scan.received_s + FUTURE_S:
+        return f"stamped a scan {scan.stamp_s - scan.received_s:.3g} s after it was received"
+    if abs(scan.ray_s) * scan.ranges_m.size > MAX_SWEEP_S:
+        return f"delivered ray_s = {scan.ray_s:.3g} s: a sweep of more than {MAX_SWEEP_S:g} s"
+    return ""
+
+
+def _field(scan: Scan) -> str:
+    if scan.angle_step_rad <= 0:
+        return "delivered an angle_step_rad of 0 or less: beams go from right to left, counter-clockwise"
+    sweep_rad = (scan.ranges_m.size - 1) * scan.angle_step_rad
+    if sweep_rad > math.tau + scan.angle_step_rad / 2:
+        return f"delivered a field of {math.degrees(sweep_rad):.0f} deg: {scan.ranges_m.size} beams of its step"
+    if not -math.tau <= scan.angle_min_rad <= math.pi:
+        return f"delivered angle_min_rad = {scan.angle_min_rad:.3g}, which is no bearing"
+    if not 0 <= scan.range_min_m < scan.range_max_m <= MAX_RANGE_M:
+        return f"delivered ranges from {scan.range_min_m:g} to {scan.range_max_m:g} m, which no lidar has"
+    return ""
+
+
+def _ranges(scan: Scan) -> str:
+    low_m, high_m = np.fmin.reduce(scan.ranges_m), np.fmax.reduce(scan.ranges_m)  # NaN only where all are
+    if low_m < scan.range_min_m or low_m <= 0.0:
+        return f"delivered a beam of {low_m:g} m, nearer than its range_min_m: NaN says that there is no distance"
+    if high_m > scan.range_max_m * (1 + 1e-6):
+        return f"delivered a beam of {high_m:g} m, farther than its range_max_m: NaN says that there is no distance"
+    return ""
+
+
+def _order(scan: Scan, before: Scan) -> str:
+    back_s = before.stamp_s - scan.stamp_s
+    if back_s == 0:
+        return "repeats a scan"
+    if back_s > 0:
+        return f"jumped back in time by {back_s:.3g} s"
+    if scan.sequence <= before.sequence:
+        return f"delivered scan {scan.sequence} after scan {before.sequence}"
+    moved_rad = max(abs(now - then) for now, then in zip(_edges_rad(scan), _edges_rad(before), strict=True))
+    if moved_rad > MOVED_RAD + max(scan.angle_step_rad, before.angle_step_rad):
+        return f"changed its field by {math.degrees(moved_rad):.0f} deg"
+    return ""
+
+
+def _edges_rad(scan: Scan) -> tuple[float, float]:
+    return scan.angle_min_rad, scan.angle_min_rad + (scan.ranges_m.size - 1) * scan.angle_step_rad

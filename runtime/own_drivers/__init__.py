@@ -1,0 +1,1 @@
+"""Drivers of the user: loaded by name, run within the car's process, and watched by it."""

@@ -1,0 +1,168 @@
+"""A motor by a driver of the user: it is given what a motor may be given, and what it reports is checked.
+
+Brakes in place of what must not be driven (a latched fault, a reversal at speed, a number that is none) are the car's,
+so that no driver has to know these rules.
+"""
+
+import asyncio
+import contextlib
+import math
+import time
+from dataclasses import replace
+from typing import Any, Final, Never
+
+from wallride.drivers.api import Clock, Drive, Health, LinkState, MotorState
+from wallride.drivers.link import Tap
+from wallride.drivers.scan_check import FUTURE_S
+from wallride.runtime.own_drivers.driver_class import load_driver
+from wallride.runtime.own_drivers.running import DriverRun
+from wallride.runtime.own_drivers.settings import OwnMotorSettings
+
+REVERSING_ABOVE_MPS: Final = 0.3
+"""Maximum speed for a reversal; a faster car is braked before it drives the other way."""
+MAX_SPEED_MPS: Final = 30.0
+_NUMBERS: Final = ("stamp_s", "speed_mps", "distance_m", "steering_rad")
+
+
+class OwnMotor:
+    """A `Motor` (see wallride.drivers.api) around the user's. Counted in `health`: bad_command, fault, restart."""
+
+    def __init__(self, settings: OwnMotorSettings, *, clock: Clock = time.monotonic) -> None:
+        self._run = DriverRun(load_driver("motor", settings.driver), settings.own, clock, self.brake_now)
+        self._settings, self._clock = settings, clock
+        self._steering_rad = 0.0
+        self._reported: MotorState | None = None
+        self._begun_s = clock()
+        self._latched, self._contradicts = "", False
+        self._bad_commands = self._faults = 0
+        self.braked_instead = False
+        self.tap: Tap | None = None
+
+    @property
+    def left_behind(self) -> bool:
+        """Whether the driver did not end when it was cancelled."""
+        return self._run.left_behind
+
+    @property
+    def health(self) -> Health:
+        """What the driver says of itself, unless it is wrong, silent, or a fault is latched."""
+        state, said = self.state, self._run.health()
+        said.counts |= {"bad_command": self._bad_commands, "fault": self._faults, "restart": self._run.faults}
+        if said.link is LinkState.READY and state is None:
+            said.link = LinkState.FAULTY
+            age_s = self._clock() - (self._begun_s if self._reported is None else self._reported.stamp_s)
+            said.message = f"{self._run.driver.name}: {self._run.silent(f'no report for {age_s:.1f} s', age_s)}"
+        elif said.link is LinkState.READY and self._latched:
+            said.link, said.trouble = LinkState.FAULTY, self._latched
+            said.message = f"{said.identity or self._run.driver.name}: {self._latched}"
+        return said
+
+    @property
+    def state(self) -> MotorState | None:
+        """The newest report, None while there is none, an old one, or a wrong one."""
+        run = self._run
+        if not run.works():
+            return None
+        given = run.call(lambda: run.made.state)
+        if given is not self._reported:
+            self._take(given)
+        state = self._reported
+        if not run.works() or state is None or self._clock() - state.stamp_s > self._settings.lost_after_s:
+            return None
+        return replace(state, fault=self._latched) if self._latched else state
+
+    async def run(self) -> Never:
+        """Maintain the connection; brake on every way out."""
+        try:
+            await self._run.keep(self._begin)
+        finally:
+            self.brake_now()
+        raise AssertionError("unreachable: it has no end")
+
+    def send(self, drive: Drive) -> bool:
+        """Pass one command on; False where it was not written."""
+        run, state = self._run, self.state
+        if not run.works():
+            return False
+        asked = self._allowed(drive, state)
+        written: Any = run.call(lambda: run.made.send(asked))
+        if not run.works():  # a brake was written with the fault
+            return False
+        self._steering_rad = asked.steering_rad
+        if not isinstance(written, bool):
+            run.refuse(
+                f"answered a command with a {type(written).__name__} where True or False is needed", run.driver.place
+            )
+        return bool(written is True)
+
+    def brake_now(self) -> None:
+        """Write one brake without the event loop: the last act of a process whose loop has ended. Never raises."""
+        if self._run.made is not None:
+            # The controller's own timeout remains.
+            with contextlib.suppress(Exception, SystemExit, asyncio.CancelledError):
+                self._run.made.send(Drive(0.0, self._steering_rad))
+
+    def latch_fault(self, words: str) -> None:
+        """Latch a fault detected elsewhere; no effect where one is latched."""
+        if not self._latched:
+            self._latched, self._contradicts = words, True
+            self._faults += 1
+
+    def retry_fault(self) -> None:
+        """Clear the latched fault if it is the device's own."""
+        if not self._contradicts:
+            self.clear_fault()
+
+    def clear_fault(self) -> None:
+        """Clear the latched fault, here and, where it has a `clear_fault`, in the driver."""
+        self._latched, self._contradicts, self._reported = "", False, None
+        clear = getattr(self._run.made, "clear_fault", None)
+        if callable(clear) and not self._run.fault:
+            self._run.call(clear)
+
+    def _begin(self, made: Any) -> Any:  # noqa: ANN401 - the user's
+        self._reported, self._begun_s = None, self._clock()
+        return made.run()
+
+    def _allowed(self, drive: Drive, state: MotorState | None) -> Drive:
+        """Return the command to pass on: itself, or a brake."""
+        steering_rad = drive.steering_rad
+        if not math.isfinite(drive.speed_mps + steering_rad) or math.isnan(drive.brake_mps2):
+            self._bad_commands += 1
+            self.braked_instead = True
+            return Drive(0.0, self._steering_rad)
+        is_stop = abs(drive.speed_mps) < self._settings.min_speed_mps
+        reverses = (
+            state is not None and abs(state.speed_mps) > REVERSING_ABOVE_MPS and state.speed_mps * drive.speed_mps < 0
+        )
+        self.braked_instead = not is_stop and (bool(self._latched) or reverses)
+        if is_stop or self.braked_instead:
+            return Drive(0.0, steering_rad, drive.brake_mps2)
+        return drive
+
+    def _take(self, given: object) -> None:
+        """Take a new report; a wrong one is a fault of the driver, and its own `fault` one of the device."""
+        fault = self._wrong(given) if given is not None else ""
+        if fault:
+            self._run.refuse(fault, self._run.driver.place)
+            return
+        assert given is None or isinstance(given, MotorState)  # noqa: S101 - for the type checker: judged above
+        self._reported = given
+        if given is not None and given.fault and not self._latched:
+            self._latched = str(given.fault)
+            self._faults += 1
+
+    def _wrong(self, given: object) -> str:
+        if not isinstance(given, MotorState):
+            return f"reported a {type(given).__name__} where a MotorState is needed"
+        for name in _NUMBERS:
+            number: Any = getattr(given, name)
+            if not isinstance(number, int | float) or not math.isfinite(number):
+                return f"reported {name} that is no finite number"
+        if abs(given.speed_mps) > MAX_SPEED_MPS:
+            return f"reported {given.speed_mps:.3g} m/s, which no such car drives"
+        if (ahead_s := given.stamp_s - self._clock()) > FUTURE_S:
+            return f"stamped a report {ahead_s:.3g} s in the future"
+        if self._reported is not None and given.stamp_s < self._reported.stamp_s:
+            return f"jumped back in time by {self._reported.stamp_s - given.stamp_s:.3g} s"
+        return ""

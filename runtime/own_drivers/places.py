@@ -1,0 +1,74 @@
+"""Where code of the user is just now: the line that waits, the line that calls, the line that holds up the loop."""
+
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+from typing import Any, Final
+
+from wallride.drivers.api import Clock
+from wallride.runtime.host.user_module import shown
+
+LOOK_S: Final = 0.05
+HANG_S: Final = 0.25
+"""Time without a turn of the loop that is a fault of the driver whose code runs meanwhile."""
+
+
+def waiting_place(coroutine: Any, file: Path) -> str:  # noqa: ANN401 - coroutines, generators, futures
+    """Return "FILE:LINE" of the innermost line of this file at which a coroutine waits, "" where there is none."""
+    found = ""
+    while coroutine is not None:
+        frame = getattr(coroutine, "cr_frame", None) or getattr(coroutine, "gi_frame", None)
+        if frame is not None and _is_in(frame, file):
+            found = f"{shown(file)}:{frame.f_lineno}"
+        coroutine = getattr(coroutine, "cr_await", None) or getattr(coroutine, "gi_yieldfrom", None)
+    return found
+
+
+def calling_place(file: Path) -> str:
+    """Return "FILE:LINE" of the innermost line of this file that led to this call, the file alone where none did."""
+    return _place(sys._getframe(1), file) or shown(file)  # noqa: SLF001 - documented, "for specialized purposes"
+
+
+class HangWatch:
+    """A thread that notes the line of a file in which the loop stands still. Made and ticked by the loop's thread.
+
+    place: "FILE:LINE" of the newest such line, "" before.
+    """
+
+    def __init__(self, file: Path, clock: Clock) -> None:
+        self.place = ""
+        self._file, self._clock = file, clock
+        self._loops, self._ticked_s = threading.get_ident(), clock()
+        self._over = threading.Event()
+        threading.Thread(target=self._watch, name="own driver", daemon=True).start()
+
+    def tick(self) -> float:
+        """Note a turn of the loop; return how long the last one took beyond what was asked for."""
+        before_s, self._ticked_s = self._ticked_s, self._clock()
+        return self._ticked_s - before_s - LOOK_S
+
+    def end(self) -> None:
+        """End the thread."""
+        self._over.set()
+
+    def _watch(self) -> None:
+        while not self._over.wait(LOOK_S):
+            if self._clock() - self._ticked_s > HANG_S:
+                frame = sys._current_frames().get(self._loops)  # noqa: SLF001 - as above
+                self.place = (frame is not None and _place(frame, self._file)) or self.place
+
+
+def _place(frame: FrameType, file: Path) -> str:
+    return next((f"{shown(file)}:{one.f_lineno}" for one in _outwards(frame) if _is_in(one, file)), "")
+
+
+def _outwards(frame: FrameType | None) -> Iterator[FrameType]:
+    while frame is not None:
+        yield frame
+        frame = frame.f_back
+
+
+def _is_in(frame: FrameType, file: Path) -> bool:
+    return frame.f_code.co_filename == str(file)

@@ -1,0 +1,177 @@
+"""A motor's driver of the user: what it is given, what it may report, and that a brake is its last command."""
+
+import asyncio
+import math
+
+import pytest
+
+from tests.own_drivers import driver_file
+from wallride.drivers.api import Drive, LinkState
+from wallride.runtime.own_drivers.motor import OwnMotor
+from wallride.runtime.own_drivers.settings import OwnMotorSettings
+from wallride.sim.virtual.virtual_time import run_virtual
+
+__all__ = ["driver_file"]
+DRIVER = """class Driver:
+    def __init__(self, settings, clock):
+        self.clock, self.health, self.state, self.sent = clock, Health(), None, []
+        self.speed_mps, self.fault, self.cleared = 0.0, "", 0
+
+    async def run(self):
+        self.health.link = LinkState.READY
+        for turn in range(1000):
+            self.state = MotorState(self.clock(), self.speed_mps, 0.0, 0.0, fault=self.fault)
+            if turn == 20:
+                {then}
+            await asyncio.sleep(0.02)
+
+    def send(self, drive):
+        self.sent.append(drive)
+        {when_sent}
+        return True
+
+    def clear_fault(self):
+        self.fault = ""
+"""
+GO, STOP = Drive(1.0, 0.1), Drive(0.0, 0.1)
+
+
+class Running:
+    """The motor and the user's object in it."""
+
+    def __init__(self, name):
+        self.clock = asyncio.get_running_loop().time
+        self.motor = OwnMotor(OwnMotorSettings(driver=name), clock=self.clock)
+        self.task = asyncio.create_task(self.motor.run())
+
+    @property
+    def made(self):
+        return self.motor._run.made
+
+    async def end(self):
+        self.task.cancel()
+        await asyncio.wait({self.task})
+
+
+def story(driver_file, body, then="pass", when_sent="pass"):
+    """Run a coroutine function with a running motor, in virtual time."""
+    name = driver_file(DRIVER.format(then=then, when_sent=when_sent))
+
+    async def main():
+        running = Running(name)
+        await asyncio.sleep(0.1)
+        try:
+            await body(running)
+        finally:
+            await running.end()
+        return running
+
+    return run_virtual(main())
+
+
+def test_a_command_passes_as_it_is_and_the_last_one_is_a_brake(driver_file):
+    async def body(running):
+        assert running.motor.health.link is LinkState.READY
+        assert running.motor.send(GO)
+        assert running.made.sent == [GO]
+        assert not running.motor.braked_instead
+
+    made = story(driver_file, body).made
+    assert made.sent == [GO, Drive(0.0, 0.1)]
+
+
+def test_what_must_not_be_driven_is_braked(driver_file):
+    async def body(running):
+        motor, sent = running.motor, running.made.sent
+        motor.send(GO)
+        for bad in (Drive(math.nan, 0.2), Drive(math.inf, 0.2), Drive(1.0, math.nan)):
+            motor.send(bad)
+            assert sent[-1] == Drive(0.0, 0.1)
+            assert motor.braked_instead
+        motor.send(Drive(0.1, 0.2))  # below the motor's slowest
+        assert sent[-1] == Drive(0.0, 0.2)
+        running.made.speed_mps = 1.0
+        await asyncio.sleep(0.05)
+        motor.send(Drive(-1.0, 0.0))
+        assert sent[-1].speed_mps == 0.0
+        assert motor.braked_instead
+
+    story(driver_file, body)
+
+
+@pytest.mark.parametrize("whose", ["the car's", "the device's"])
+def test_a_latched_fault_brakes_until_it_is_cleared(driver_file, whose):
+    async def body(running):
+        motor, sent = running.motor, running.made.sent
+        if whose == "the car's":
+            motor.latch_fault("runs backwards")
+        else:
+            running.made.fault = "too hot"
+        await asyncio.sleep(0.05)
+        assert motor.state.fault in {"runs backwards", "too hot"}
+        assert motor.health.link is LinkState.FAULTY
+        motor.send(GO)
+        assert sent[-1].speed_mps == 0.0
+        motor.retry_fault()
+        await asyncio.sleep(0.05)
+        assert bool(motor.state.fault) is (whose == "the car's")
+        motor.clear_fault()
+        await asyncio.sleep(0.05)
+        assert not motor.health.trouble
+        motor.send(GO)
+        assert sent[-1] == GO
+
+    story(driver_file, body)
+
+
+MISTAKES = {
+    "raises": ("raise ValueError('lost it')", "pass", "raised ValueError: lost it"),
+    "send raises": ("pass", "if drive.speed_mps: raise KeyError('x')", "raised KeyError: 'x'"),
+    "send answers": ("pass", "return None", "answered a command with a NoneType"),
+    "type": ("self.state = 3", "pass", "reported a int where a MotorState is needed"),
+    "speed": ("self.state.speed_mps = math.nan", "pass", "reported speed_mps that is no finite number"),
+    "impossible": ("self.state.speed_mps = 99.0", "pass", "reported 99 m/s, which no such car drives"),
+    "future": ("self.state.stamp_s += 9", "pass", "stamped a report 8.98 s in the future"),
+    "back": ("self.state.stamp_s -= 0.1", "pass", "jumped back in time by 0.08 s"),
+}
+
+
+@pytest.mark.parametrize("what", MISTAKES)
+def test_a_mistake_is_a_brake_no_state_and_a_sentence_with_its_line(driver_file, what):
+    then, when_sent, words = MISTAKES[what]
+
+    async def body(running):
+        made, seen = running.made, []
+        for _ in range(40):
+            running.motor.send(GO)
+            _ = running.motor.state
+            seen.append(running.motor.health)
+            await asyncio.sleep(0.02)
+        told = next(one for one in seen if one.link is LinkState.FAULTY)
+        assert words in told.message
+        assert ".py:" in told.message
+        assert made.sent[-1].speed_mps == 0.0
+        assert not running.motor.send(GO)
+        assert running.motor.state is None
+        await asyncio.sleep(1.5)
+        assert running.made is not made, "it was not made anew"
+
+    story(driver_file, body, then, when_sent)
+
+
+def test_a_driver_that_hangs_is_lost_and_told_with_its_line(driver_file):
+    async def body(running):
+        await asyncio.sleep(1.0)
+        assert running.motor.state is None
+        assert running.motor.health.link is LinkState.FAULTY
+        assert "no report for 0.7 s (it waits in" in running.motor.health.message
+
+    story(driver_file, body, then="await asyncio.Event().wait()")
+
+
+def test_a_driver_that_repeats_its_report_is_lost(driver_file):
+    async def body(running):
+        await asyncio.sleep(1.0)
+        assert running.motor.state is None
+
+    story(driver_file, body, then="while True: await asyncio.sleep(0.02); self.state = self.state")

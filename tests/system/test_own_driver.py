@@ -1,0 +1,115 @@
+"""A driver of the user in the whole process: it drives the emulated car, and each of its lies stops the car."""
+
+import sys
+import time
+
+import pytest
+
+from tests.system.bench import bench
+from tests.system.test_own_law import typed
+
+DRIVER = """import asyncio, math, time
+from dataclasses import replace
+import numpy as np
+from wallride.drivers.hokuyo.driver import Hokuyo
+from wallride.drivers.hokuyo.settings import HokuyoSettings
+from wallride.drivers.own import DriverSettings
+
+class Own(DriverSettings):
+    address: str = "tcp://127.0.0.1:1"
+
+class Driver:
+    Settings = Own
+
+    def __init__(self, settings, clock):
+        self.clock, self.count, self.kept = clock, 0, []
+        self.inner = Hokuyo(HokuyoSettings(address=settings.address), clock=clock)
+
+    @property
+    def health(self):
+        return self.inner.health
+
+    async def run(self, on_scan):
+        self.on_scan = on_scan
+        await self.inner.run(self.take)
+
+    def take(self, scan):
+        self.count += 1
+        self.kept.append(scan)
+        if self.count > 80:
+            {then}
+        self.on_scan(scan)
+"""
+LIES = {
+    "raises": ("raise ValueError('lost it')", "late_driver:Driver raised ValueError: lost it ("),
+    "falls silent": ("return", "no scan for 0.5 s (it waits in "),
+    "blocks": ("time.sleep(1.0)", "late_driver:Driver held the car up for "),
+    "repeats": ("scan = self.kept[70]", "late_driver:Driver jumped back in time by"),
+    "goes back": ("scan = replace(scan, stamp_s=scan.stamp_s - 5)", "late_driver:Driver jumped back in time by 4.9"),
+    "widens": (
+        "scan = replace(scan, angle_step_rad=2 * scan.angle_step_rad, angle_min_rad=-3.1)",
+        "late_driver:Driver delivered a field of 540 deg",
+    ),
+    "turns": ("scan = replace(scan, angle_min_rad=scan.angle_min_rad + 0.8)", "changed its field by 46 deg"),
+}
+
+
+def settings(tmp_path, then):
+    (tmp_path / "late_driver.py").write_text(DRIVER.format(then=then))
+    return "lidar.driver=late_driver:Driver", f"process.laws_folder={tmp_path}"
+
+
+@pytest.mark.parametrize("lie", LIES)
+async def test_a_lie_stops_the_car_with_its_reason_and_line_and_the_process_lives(tmp_path, lie):
+    then, words = LIES[lie]
+    async with bench(tmp_path, *settings(tmp_path, then)) as car:
+        await car.until_driving()
+        await car.until(lambda: car.wheel_mps < 0.1, "standing")
+        stood_s = time.monotonic()
+        await car.until(lambda: any(words in text for text in car.runtime.log), f"{words!r} in the log")
+        assert "late_driver.py:" in next(text for text in car.runtime.log if words in text)
+        assert time.monotonic() - stood_s < 3.0
+        await car.until_driving()  # it is made anew, and operator.permit is "always" here
+        assert car.runtime.exit_code is None
+
+
+async def test_a_scan_repeated_with_fresh_stamps_stops_the_car_after_0_3_m(tmp_path):
+    then = "scan = replace(scan, ranges_m=self.kept[70].ranges_m)"
+    async with bench(tmp_path, *settings(tmp_path, then)) as car:
+        await car.until_driving()
+        said = "the lidar repeats one scan: power-cycle it, check its cable"
+        await car.until(lambda: any(said in text for text in car.runtime.log), "the sentence in the log")
+        await car.until(lambda: car.wheel_mps == 0, "standing")
+
+
+async def test_a_driver_that_does_not_end_does_not_keep_the_process(tmp_path):
+    (tmp_path / "late_driver.py").write_text(
+        "import asyncio\nfrom wallride.drivers.own import *\nclass Own(DriverSettings):\n    address: str = ''\n"
+        "class Driver:\n    Settings = Own\n    def __init__(self, settings, clock): self.health = Health()\n"
+        "    async def run(self, on_scan):\n        while True:\n            try: await asyncio.sleep(1)\n"
+        "            except asyncio.CancelledError: pass\n"
+    )
+    asked = ("lidar.driver=late_driver:Driver", f"process.laws_folder={tmp_path}")
+    async with bench(tmp_path, *asked) as car:
+        await car.until(lambda: any("motor ready" in text for text in car.runtime.log), "ready", 20.0)
+        assert await car.runtime.stop() == 0
+
+
+def test_the_written_drivers_drive_the_simulator_and_pass_their_tests(tmp_path):
+    for kind in ("lidar", "motor"):
+        assert typed(tmp_path, "new", "driver", f"my_{kind}", "--kind", kind).returncode == 0
+    assert typed(tmp_path, "new", "driver", "my_lidar", "--kind", "lidar").returncode == 2
+    done = typed(
+        tmp_path, "sim", "--headless", "--duration", "8", "--json", "-", "--set", "lidar.driver=my_lidar:Driver",
+        "--set", "motor.driver=my_motor:Driver", "--set", "telemetry.any_port=true",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert '"collided": false' in done.stdout
+    assert float(done.stdout.partition('"distance_m": ')[2].partition(",")[0]) > 5.0
+    import subprocess
+
+    tested = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_my_motor.py", "test_my_lidar.py"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=100, check=False,
+    )  # fmt: skip
+    assert tested.returncode == 0, tested.stdout
