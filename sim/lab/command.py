@@ -84,8 +84,6 @@ def chosen(options: argparse.Namespace) -> CellChoice:
     """Return the selection of the options; LabUsageError or ConditionsError for invalid ones."""
     quick = options.quick
     seeds = _seeds(options)
-    if options.jobs is not None and options.jobs < 1:
-        raise LabUsageError(f"--jobs {options.jobs}: give 1 or more processes")
     laws_chosen = _laws(options.method)
     conditions = named_conditions(RequestedConditions(options.conditions, options.condition))
     mu = named_once(conditions, "vehicle.grip_mu", "--mu", options.mu)

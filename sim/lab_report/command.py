@@ -95,8 +95,6 @@ def plan_of(options: argparse.Namespace) -> ReportPlan:
         raise ReportUsageError(f"--friction {friction:g}: write a number from 0.1 to 2")
     if not 0.0 <= wild <= 0.5:
         raise ReportUsageError(f"--wild {wild:g}: write a share from 0 to 0.5")
-    if options.jobs is not None and options.jobs < 1:
-        raise ReportUsageError(f"--jobs {options.jobs}: give 1 or more processes")
     texts = {name: tuple(_settings(options.assignments, name)) for name in LAWS}
     plan = ReportPlan(
         law, texts["report"], texts["law"], friction, own_parts, options.seed, conditions=conditions, wild=wild

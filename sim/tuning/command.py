@@ -92,9 +92,6 @@ def plan_of(options: argparse.Namespace) -> TuningPlan:
     fixed = next((text for text in options.assignments if text.partition("=")[0].strip() in FIXED_SETTINGS), None)
     if fixed is not None:
         raise TuneUsageError(f"--set {fixed}: every scenario has its own")
-    for name, value in (("--trials", options.trials), ("--jobs", options.jobs)):
-        if value is not None and value < 1:
-            raise TuneUsageError(f"{name} {value}: give 1 or more")
     parameters = tuple(space_of(settings, options.parameters))
     twice = {text.partition("=")[0].strip() for text in options.assignments} & {one.name for one in parameters}
     if twice:

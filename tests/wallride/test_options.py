@@ -132,6 +132,10 @@ def test_a_missing_package_is_one_sentence_that_names_the_extra(monkeypatch, cap
         ("bench latency --runs 0", "argument --runs: at least 1"),
         ("vesc set --nothing x", "wallride vesc set: unrecognized arguments: --nothing (wallride vesc set --help"),
         ("race --laps 3", "unrecognized arguments: --laps (wallride race --help"),
+        ("lab walls --jobs 0", "argument --jobs: at least 1"),
+        ("lab sweep table.toml --jobs 0", "argument --jobs: at least 1"),
+        ("lab report --jobs 0", "argument --jobs: at least 1"),
+        ("lab tune --trials 0", "argument --trials: at least 1"),
         ("lab hazards --jobs two", "argument --jobs: invalid whole number value: 'two'"),
     ],
 )

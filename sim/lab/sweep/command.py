@@ -105,8 +105,6 @@ def fill(table: RunTable, plan: SweepPlan, keys: Sequence[RunKey], workers: Work
 
 def check_options(options: argparse.Namespace) -> None:
     """Check what can be wrong before minutes of driving; TableError for an output that cannot be written."""
-    if options.jobs is not None and options.jobs < 1:
-        raise TableError(f"--jobs {options.jobs}: give 1 or more processes")
     for name in ("csv", "json"):
         value = getattr(options, name)
         if value not in {None, "-"} and (Path(value).is_dir() or not Path(value).absolute().parent.is_dir()):

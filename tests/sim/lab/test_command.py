@@ -94,7 +94,6 @@ def test_pictures_are_drawn(tmp_path):
         (["--mu", "0"], "numbers between 0.1 and 2"),
         (["--side", "up"], "left, right or left,right"),
         (["--seeds", "0"], "at least one"),
-        (["--jobs", "0"], "1 or more"),
         (["--distance", "0.1"], "numbers between 0.3 and 3"),
         (["--distance", "0.5,1"], "write one number"),
     ],

@@ -373,7 +373,6 @@ def test_the_page_fetches_nothing_and_has_its_figures(rows, tmp_path):
         (["--friction", "9"], "0.1 to 2"),
         (["--wild", "2"], "0 to 0.5"),
         (["--own-parts", "wings"], "write one of"),
-        (["--jobs", "0"], "1 or more"),
     ],
 )
 def test_wrong_options_say_what_to_write(arguments, words):

@@ -110,7 +110,6 @@ def test_a_study_of_another_plan_is_not_continued(tmp_path, capsys):
         (["--param", "safety.grip_mu"], "would loosen safety"),
         (["--set", "wall_follow.side=right"], "own"),
         (["--set", "wall_follow.kp=9"], "both set and tuned"),
-        (["--trials", "0"], "1 or more"),
         (["--only", "t9"], "write some of t1"),
     ],
 )

@@ -152,7 +152,6 @@ def test_failed_runs_alone_are_run_again(law_file, tmp_path, capsys):  # noqa: F
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--jobs", "0"], "1 or more"),
         (["--csv", "no/such/file.csv"], "name a file in a directory that is there"),
         (["--table", "no/such/file.sqlite"], "there is no directory"),
         (["--table", __file__], "is not a table of runs"),
