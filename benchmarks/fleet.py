@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.settings.tree import Settings, load_settings
 from wallride.sim.car.vehicle import Vehicle
 from wallride.sim.live.traffic import TrafficWorld, starts

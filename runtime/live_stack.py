@@ -12,8 +12,8 @@ from wallride.drivers.api import Clock, Drive, MotorState, Scan
 from wallride.runtime.arbitration.command import DriveCommand, SafetyAssessment, Source, SpeedLimit, arbitrate, consent
 from wallride.runtime.arbitration.command_queue import CommandQueue
 from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.limiter import Limiter, Limits
-from wallride.runtime.control.live_laws import LiveLaws
 from wallride.runtime.control.perception.scan_rate import ScanRate
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.recording.decision_log import DecisionLog

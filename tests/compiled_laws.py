@@ -10,7 +10,7 @@ def import_laws():
     """Import every accelerated function and what calls it; UnfitError where the C is not built."""
     for name in sealed()["functions"]:
         importlib.import_module(name.rpartition(".")[0])
-    importlib.import_module("wallride.runtime.control.live_laws")
+    importlib.import_module("wallride.runtime.control.laws")
 
 
 def put_in_place(monkeypatch, answers):

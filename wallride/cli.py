@@ -310,7 +310,7 @@ def _saved_limits(file: Path | None) -> tuple[str, ...]:
 
 def _mistakes_of_own_code(settings: "Settings") -> list[str]:
     """Return what is wrong with the user's own laws and drivers."""
-    from wallride.runtime.control.methods import own_law_mistakes
+    from wallride.runtime.control.laws import own_law_mistakes
     from wallride.runtime.lidars import own_driver_mistakes
 
     laws = own_law_mistakes(settings.wall_follow, settings.safety, settings.car)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from wallride.drivers.api import Clock
 from wallride.runtime.arbitration.permit import Permit
-from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.own_laws.runner import LawRunner
 from wallride.runtime.host.rate_limited_log import RateLimitedLog
 from wallride.runtime.host.stop_signals import STOP_SIGNALS_HELD

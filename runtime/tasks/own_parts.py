@@ -8,7 +8,7 @@ from typing import Any, Never
 import numpy as np
 
 from wallride.drivers.api import Clock, Scan
-from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.perception.geometry import bearings_rad
 from wallride.runtime.control.perception.own_parts import KnownParts
 from wallride.runtime.control.perception.window_dirt import patches

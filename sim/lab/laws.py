@@ -9,10 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from wallride.runtime.control import methods
 from wallride.runtime.control.guidance import Follower, Guard
+from wallride.runtime.control.laws import LawStack, Parts
 from wallride.runtime.control.own_laws.law_class import is_own, load_law
-from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.settings.tree import Settings, load_settings
 from wallride.sim.lab.cell import Cell
 from wallride.sim.lab.courses.prototype import Prototype
@@ -65,16 +64,13 @@ def build(
     """Return fresh laws with the settings of `settings_of`."""
     follower_name, _, guard_name = check(law).partition("+")
     settings = settings_of(law, side, desired_m, speed_mps, assignments)
-    eyes = PerceptionCache(settings.car)
-    guard = methods.guard_for(settings.safety, settings.car, eyes, None)
-    judge = methods.judge_for(guard, settings.safety, settings.wall_follow, None)
-    driver: Follower = (
-        methods.driver_for(settings.wall_follow, settings.car, eyes)
-        if follower_name != "prototype"
-        else Prototype(side, desired_m, speed_mps, settings.car, eyes)
-    )
-    follower = methods.wrapped(driver, judge, methods.recovery_for(settings.safety), settings.wall_follow)
-    return follower, None if guard_name == "none" else judge
+
+    def prototype(parts: Parts) -> Prototype:
+        return Prototype(side, desired_m, speed_mps, parts.car, parts.eyes)
+
+    driver = prototype if follower_name == "prototype" else None
+    laws = LawStack(settings.wall_follow, settings.safety, settings.car, driver=driver)
+    return laws.follower, None if guard_name == "none" else laws.judge
 
 
 def own_law_faults(laws: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> list[str]:

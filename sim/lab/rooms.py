@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from wallride.runtime.control import methods
 from wallride.runtime.control.guidance import Follower, Guard
+from wallride.runtime.control.laws import LawStack
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.car.vehicle import GRAVITY_MPS2, VehicleSettings
 from wallride.sim.lab import laws
@@ -153,7 +153,8 @@ def build(cell: Cell) -> tuple[Follower, Guard]:
     if guard == "swept":
         wanted.append(f"safety.backs_out={'false' if cell.scenario.endswith(WAITS) else 'true'}")
     settings = load_settings(None, wanted, laws=True)
-    return methods.laws(settings.wall_follow, settings.safety, settings.car)
+    stack = LawStack(settings.wall_follow, settings.safety, settings.car)
+    return stack.follower, stack.judge
 
 
 def run(cell: Cell) -> SimulatedRun:

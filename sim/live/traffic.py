@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.car.vehicle import Vehicle
 from wallride.sim.virtual.closed_loop import Case, drive

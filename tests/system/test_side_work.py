@@ -42,7 +42,7 @@ async def drive():
         ("wallride.runtime.telemetry.sinks.ZenohSink.take", "sending output failed "),
         ("wallride.runtime.control.score.Score.add", "telemetry failed "),
         ("wallride.runtime.arbitration.driving_state.DrivingStateMonitor.update", "telemetry failed "),
-        ("wallride.runtime.control.live_laws.LiveLaws.learn", "learning failed "),
+        ("wallride.runtime.control.laws.LiveLaws.learn", "learning failed "),
         ("wallride.runtime.tasks.own_parts.OwnPartsKeeper.is_due", "the file of own parts failed "),
         ("wallride.sim.virtual.devices.MemoryBus.poll", "polling the network failed "),
     ],
@@ -57,6 +57,6 @@ def test_a_mistake_beside_the_way_does_not_end_the_drive_and_is_named(monkeypatc
 
 @pytest.mark.parametrize("mistake", ["look", "follow"])
 def test_a_mistake_of_what_decides_ends_the_drive(monkeypatch, mistake):
-    monkeypatch.setattr(f"wallride.runtime.control.live_laws.LiveLaws.{mistake}", broken)
+    monkeypatch.setattr(f"wallride.runtime.control.laws.LiveLaws.{mistake}", broken)
     with pytest.raises(ExceptionGroup):
         run_virtual(drive())

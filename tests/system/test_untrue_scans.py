@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.perception import scene_agreement
 from wallride.runtime.control.perception.plausibility import BACKWARDS, HELD_OR_TURNED, TURNED, WRONG_SCALE
 from wallride.runtime.settings.tree import load_settings

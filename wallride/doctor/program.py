@@ -6,7 +6,7 @@ from wallride.doctor.computer import Computer
 from wallride.doctor.condition import UNIT
 from wallride.doctor.findings import Finding, fail, ok, warn
 from wallride.doctor.ports import RULES
-from wallride.runtime.control.methods import own_law_mistakes
+from wallride.runtime.control.laws import own_law_mistakes
 from wallride.runtime.control.own_laws.law_class import loaded_files
 from wallride.runtime.host.ownership import changed_by_others
 from wallride.runtime.kernel import state

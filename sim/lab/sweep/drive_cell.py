@@ -24,11 +24,8 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from wallride.runtime.control import methods
-from wallride.runtime.control.own_laws.follower import OwnFollower
-from wallride.runtime.control.own_laws.guard import CappedGuard
+from wallride.runtime.control.laws import LawStack, own_law_mistakes
 from wallride.runtime.control.own_laws.law_class import is_own, load_law
-from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.car.vehicle_settings import VehicleSettings
 from wallride.sim.lab.cell import Figures
@@ -219,18 +216,13 @@ def _about(name: str) -> Iterator[None]:
 def drive_setup(setup: DriveSetup) -> SimulatedRun:
     """Drive it in virtual time; LawError where an own law fails."""
     settings = setup.settings
-    wall_follow = settings.wall_follow
-    if mistakes := methods.own_law_mistakes(wall_follow, settings.safety, settings.car):
+    wall_follow, safety, car = settings.wall_follow, settings.safety, settings.car
+    if mistakes := own_law_mistakes(wall_follow, safety, car):
         raise LawError("; ".join(mistakes))
-    eyes = PerceptionCache(settings.car)
-    driver = methods.driver_for(wall_follow, settings.car, eyes)
-    guard = methods.guard_for(settings.safety, settings.car, eyes, None)
-    judge = methods.judge_for(guard, settings.safety, wall_follow, None)
-    follower = methods.wrapped(driver, judge, methods.recovery_for(settings.safety), wall_follow)
-    driven = drive(setup.case, follower, judge if setup.with_safety else None)
-    failed = [own.runner.fault for own in (driver, judge) if isinstance(own, OwnFollower | CappedGuard)]
-    if any(failed):
-        raise LawError("; ".join(filter(None, failed)))
+    laws = LawStack(wall_follow, safety, car)
+    driven = drive(setup.case, laws.follower, laws.judge if setup.with_safety else None)
+    if laws.own_law_fault:
+        raise LawError(laws.own_law_fault)
     return driven
 
 

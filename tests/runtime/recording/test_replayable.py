@@ -7,8 +7,8 @@ from typing import Any
 from tests.runtime.recording.drives import LIMITS, Drive
 from tests.runtime.recording.reading import events, ranges_by_sequence
 from wallride.runtime.arbitration.command import DriveCommand, QueueEntry, Source, SpeedLimit, arbitrate
+from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.limiter import Limiter
-from wallride.runtime.control.live_laws import LiveLaws
 from wallride.runtime.live_stack import REQUIRED
 from wallride.runtime.recording.decision_log import DecisionEvent, FollowerEvent, SafetyEvent, ScanEvent, SettingsEvent
 from wallride.runtime.settings.tree import Settings

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wallride.drivers.api import Scan
-from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.perception.own_parts import KnownParts
 from wallride.runtime.control.safety.swept import SweptGuard
 from wallride.runtime.control.vehicle import CarSettings

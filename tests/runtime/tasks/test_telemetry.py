@@ -14,7 +14,7 @@ from tests.runtime.observed import GUIDANCE, HandClock, make_observed, output_of
 from tests.runtime.ros.samples import ros_store
 from wallride.drivers.api import Drive
 from wallride.runtime.arbitration.command import Source, Verdict
-from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.realtime.wall_clock import WallClock
 from wallride.runtime.ros.definitions import TYPES

@@ -18,7 +18,7 @@ from wallride.runtime.arbitration.command import (
     Verdict,
     refusal,
 )
-from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.telemetry.status import Journey, Latency, decision, said, status

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wallride.drivers.api import MotorState, Scan
-from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.perception.plausibility import (
     BACKWARDS,
     FROZEN,

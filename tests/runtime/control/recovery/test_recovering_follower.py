@@ -8,7 +8,7 @@ import pytest
 from wallride.drivers.api import Drive, MotorState, Scan
 from wallride.runtime.arbitration.command import DriveCommand, Output, Source, SpeedLimit, arbitrate
 from wallride.runtime.control.guidance import Guidance
-from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.control.recovery.recovering_follower import RecoveringFollower
 from wallride.runtime.control.recovery.way_out import ASKS_AFTER_S, DISBELIEF, HELP, Recovery

@@ -11,7 +11,7 @@ from tests.own_laws import EASY, law_file
 from tests.runtime.observed import HandClock, scan_at
 from tests.runtime.reachable import reachable
 from wallride.drivers.api import MotorState
-from wallride.runtime.control.live_laws import LiveLaws
+from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.safety.swept import SweptAssessment
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.virtual.devices import ranges_between_walls

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.limiter import Limiter, Limits
-from wallride.runtime.control.live_laws import LiveLaws
 from wallride.runtime.control.report.laws import ReportTurn
 from wallride.runtime.control.safety.swept import ON_LIDAR
 from wallride.runtime.control.vehicle import CarSettings
