@@ -11,6 +11,7 @@ it had in that time; the rest it waited.
 import argparse
 import asyncio
 import contextlib
+import math
 import multiprocessing
 import os
 import pty
@@ -149,6 +150,9 @@ async def interrupted(name: str, arguments: list[str], delay_s: float) -> Ending
         loop.add_reader(master, lambda: said.extend(os.read(master, 65536)))
         visit = asyncio.create_task(look_at(said)) if name == "monitor" else None
         await asyncio.sleep(delay_s)
+        if process.returncode is not None:
+            print(f"{name}: ended by itself within {delay_s:.2f} s, exit code {process.returncode}")
+            return Ending(name, delay_s, math.inf, 0.0, process.returncode, bytes(said))
         begin_s, before_s = time.monotonic(), cpu_of_children_s() + cpu_of(process.pid)
         with contextlib.suppress(ProcessLookupError):
             process.send_signal(signal.SIGINT)
