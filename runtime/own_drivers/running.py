@@ -99,14 +99,13 @@ class DriverRun:
 
     def health(self) -> Health:
         """Return what the driver says of itself, in plain values: a fault where it has one."""
-        name = self.driver.name
         if self.works():
             given = self.call(lambda: _read(self.made.health))
             if given is not None:
                 self._identity = given.identity = given.identity or self._identity  # a lost device is no other device
                 return given
         if not self.fault:
-            return Health(LinkState.ABSENT, f"{name}: not started yet", self._identity)
+            return Health(identity=self._identity)
         return Health(LinkState.FAULTY, self.fault, self._identity, self.fault)
 
     def silent(self, words: str, since_s: float) -> str:

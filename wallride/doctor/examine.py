@@ -60,6 +60,9 @@ async def examine(
             ports = check_ports(computer, settings)
     unusable = {finding.subject for finding in ports if finding.level is Level.FAIL}
 
+    def blamed(port: str) -> list[Finding]:
+        return [] if "ports" in groups else [finding for finding in ports if finding.subject == port]
+
     async def access() -> AsyncIterator[Finding]:
         for finding in await check_access(computer, settings, holder):
             yield finding
@@ -68,8 +71,8 @@ async def examine(
         "program": _each(lambda: check_program(computer, settings)),
         "computer": _each(lambda: check_condition(computer, settings)),
         "ports": _each(lambda: ports),
-        "lidar": _each(list) if "lidar port" in unusable else _lidar(computer, settings),
-        "motor": _each(list) if "motor port" in unusable else _motor(settings, wheels_up),
+        "lidar": _each(lambda: blamed("lidar port")) if "lidar port" in unusable else _lidar(computer, settings),
+        "motor": _each(lambda: blamed("motor port")) if "motor port" in unusable else _motor(settings, wheels_up),
         "access": access(),
         "joystick": _each(lambda: check_joystick(computer)),
     }

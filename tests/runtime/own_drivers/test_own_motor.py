@@ -6,7 +6,7 @@ import math
 import pytest
 
 from tests.own_drivers import driver_file
-from wallride.drivers.api import Drive, LinkState
+from wallride.drivers.api import NOT_OPENED, Drive, LinkState
 from wallride.runtime.own_drivers.motor import OwnMotor
 from wallride.runtime.own_drivers.settings import OwnMotorSettings
 from wallride.sim.virtual.virtual_time import run_virtual
@@ -175,3 +175,11 @@ def test_a_driver_that_repeats_its_report_is_lost(driver_file):
         assert running.motor.state is None
 
     story(driver_file, body, then="while True: await asyncio.sleep(0.02); self.state = self.state")
+
+
+def test_before_it_runs_it_says_what_every_device_says(driver_file):
+    """The doctor waits as long as this is said."""
+    name = driver_file(DRIVER.format(then="pass", when_sent="pass"))
+    motor = OwnMotor(OwnMotorSettings(driver=name), clock=lambda: 0.0)
+    assert motor.health.message == NOT_OPENED
+    assert motor.state is None

@@ -9,6 +9,7 @@ import pytest
 
 from tests.drivers.turning.rig import room_mm
 from tests.wallride.doctor.fakes import changed, healthy, link, settings
+from wallride.doctor.examine import examine
 from wallride.doctor.findings import Finding, Level
 from wallride.doctor.lidar import judge_lidar, look_at_lidar, remedy_of
 from wallride.doctor.ports import check_ports
@@ -104,3 +105,11 @@ def test_an_adapter_is_named_by_its_id(tmp_path, plant, level):
     told = {finding.subject: finding for finding in check_ports(computer, chosen)}["lidar port"]
     assert told.level is level
     assert "/dev/serial/by-id" in told.remedy
+
+
+async def test_a_port_that_is_not_there_is_told_where_the_lidar_alone_is_looked_at(tmp_path):
+    """Else the doctor would find nothing, and call that well."""
+    chosen = settings("lidar.driver=rplidar", "lidar.address=serial:///dev/not-there")
+    for groups in (("lidar",), ("ports", "lidar")):
+        told = [one async for one in examine(healthy(tmp_path / "_".join(groups)), chosen, groups)]
+        assert [one.level for one in told if one.subject == "lidar port"] == [Level.FAIL]
