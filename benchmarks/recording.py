@@ -121,8 +121,8 @@ class Bench:
 
     async def drive(self, seconds: float) -> None:
         """Drive for a duration."""
-        for_safety: Inbox[Scan] = Inbox(self._clock)
-        for_follower: Inbox[Scan] = Inbox(self._clock)
+        for_safety: Inbox[Scan] = Inbox()
+        for_follower: Inbox[Scan] = Inbox()
         self.queue.put(consent(Source.PERMIT, "bench"))
 
         def answer(scan: Scan, state: MotorState | None) -> Guidance:

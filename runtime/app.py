@@ -217,9 +217,9 @@ class Car:
                 await end(keeper)
 
     def _start(self, tasks: asyncio.TaskGroup) -> list[asyncio.Task[Any]]:
-        settings, motor, clock = self.settings, self.motor, self.clock
-        for_safety: Inbox[Scan] = Inbox(clock)
-        for_follower: Inbox[Scan] = Inbox(clock)
+        settings, motor = self.settings, self.motor
+        for_safety: Inbox[Scan] = Inbox()
+        for_follower: Inbox[Scan] = Inbox()
         beside = self.side_work
         cycle = ScanCycle(
             self.stages.follow, self.mux.decide_now, beside.guarded("telemetry", self.telemetry.on_guidance),

@@ -2,8 +2,8 @@
 
 `asyncio.PriorityQueue` is wrong for a car in three ways: its head is the most urgent entry *ever*, so a joystick
 command from before a radio drop-out wins; two entries of one source pile up, so the car replays the past; and `get()`
-consumes what the mux needs again at its next tick. Here every source has one slot, every entry expires, and there are
-two ways to read: `live()` returns the entries in force, `get()` takes the most urgent new one.
+consumes what the mux needs again at its next tick. Here every source has one slot, every entry expires, and reading
+takes nothing: `live()` returns the entries in force, `sweep()` drops the expired ones as well.
 
 Entries lost by design: one that a newer one of the same source replaced, and one that expired unread. For one loop
 only; other threads enter through `loop.call_soon_threadsafe`.
@@ -71,29 +71,16 @@ class PriorityQueue(Generic[K, V]):
 
     def sweep(self) -> list[V]:
         """Drop what has expired, and return all entries in force now, most urgent first."""
-        self._forget_expired()
+        now_s = self._clock()
+        for _, _, key, _, expires_at_s in self._order[:]:
+            if expires_at_s <= now_s:
+                self.discard(key)
         return [value for _, _, _, value, _ in self._order]
 
     def peek(self, key: K) -> V | None:
         """Return the entry of a key without removing it, None when it is not in force now."""
         entry = self._slots.get(key)
         return entry[3] if entry is not None and entry[4] > self._clock() else None
-
-    def get_nowait(self) -> V | None:
-        """Remove and return the most urgent live entry; None when there is none."""
-        self._forget_expired()
-        if not self._order:
-            return None
-        _, _, key, value, _ = self._order[0]
-        self.discard(key)
-        return value
-
-    async def get(self) -> V:
-        """Remove and return the most urgent live entry, waiting for one if need be."""
-        while (value := self.get_nowait()) is None:
-            self._change.clear()
-            await self._change.wait()
-        return value
 
     async def changed(self) -> None:
         """Wait until an entry was put, or `wake` was called, since this last returned or the event was cleared."""
@@ -102,7 +89,7 @@ class PriorityQueue(Generic[K, V]):
         self._change.clear()
 
     def has_expired(self) -> bool:
-        """Tell whether an entry has expired that `sweep` or `get` have not dropped yet."""
+        """Tell whether an entry has expired that `sweep` has not dropped yet."""
         now_s = self._clock()
         return any(expires_at_s <= now_s for *_, expires_at_s in self._order)
 
@@ -116,12 +103,6 @@ class PriorityQueue(Generic[K, V]):
         """Wake the waiter in `changed`, so that silence is examined as well as changes."""
         self._change.set()
 
-    def _forget_expired(self) -> None:
-        now_s = self._clock()
-        for _, _, key, _, expires_at_s in self._order[:]:
-            if expires_at_s <= now_s:
-                self.discard(key)
-
 
 class Inbox(Generic[V]):
     """Holds the newest value only, each taken once: for consumers that must never work through a backlog.
@@ -129,27 +110,24 @@ class Inbox(Generic[V]):
     One reader at a time. Equivalent to a queue with one key, in a quarter of its time: every scan passes here twice.
     """
 
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
-        self._newest: tuple[V, float] | None = None
+    def __init__(self) -> None:
+        self._newest: V | None = None
         self._reader: asyncio.Future[None] | None = None
 
-    def put(self, value: V, *, expires_at_s: float = NEVER_S) -> None:
-        """Replace the present value."""
-        self._newest = (value, expires_at_s)
+    def put(self, value: V) -> None:
+        """Replace the present value, which is never None."""
+        self._newest = value
         if self._reader is not None and not self._reader.done():
             self._reader.set_result(None)
 
     async def get(self) -> V:
         """Take the newest value, waiting for one if need be."""
-        while True:
-            if self._newest is not None:
-                (value, expires_at_s), self._newest = self._newest, None
-                if expires_at_s > self._clock():
-                    return value
+        while (value := self._newest) is None:
             assert self._reader is None, "an inbox has one reader"  # noqa: S101 - a bug in the wiring
             self._reader = asyncio.get_running_loop().create_future()
             try:
                 await self._reader
             finally:
                 self._reader = None
+        self._newest = None
+        return value
