@@ -116,5 +116,5 @@ class Experiment:
 
 
 def module_of(name: str) -> ModuleType:
-    """Return the module of an experiment: one of the lab's by its own name, another by its dotted one."""
-    return import_module(name if "." in name else f"wallride.sim.lab.{name}")
+    """Return the module of an experiment: of the lab, or of the benchmarks where its name says so."""
+    return import_module(name if name.startswith("benchmarks.") else f"wallride.sim.lab.{name}")
