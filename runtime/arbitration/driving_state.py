@@ -1,7 +1,7 @@
-"""The car's state in one of nine words, the transition table between them, and what clears each.
+"""The car's state in one of nine words, what is true in each, and what clears each.
 
-Describes arbitration and decides nothing: `observe` reads one decision and its circumstances, `TRANSITIONS` follows
-them. No state in which the car stands for a cause is left towards motion without passing `disarmed` and `armed`.
+Describes arbitration and decides nothing: `observe` reads one decision and its circumstances, `STATE_OF` names the
+state. Whether a car that stood may move again is decided by the permit and the e-stop, not here.
 """
 
 import math
@@ -32,7 +32,7 @@ class DrivingState(StrEnum):
 
 
 class Observation(StrEnum):
-    """Events of the table: what is true at a decision. The first that applies counts."""
+    """What is true at a decision. The first that applies counts."""
 
     FAULT = "fault latched"
     ESTOP = "e-stop pressed"
@@ -45,23 +45,20 @@ class Observation(StrEnum):
 
 
 _S, _O = DrivingState, Observation
-_UNREADY: Final = (_S.STARTING, _S.WAITING, _S.ESTOPPED, _S.FAULT)
-_MOVABLE: Final = {_O.IDLE: _S.ARMED, _O.BLOCKED: _S.STOPPED, _O.SLOWED: _S.LIMITED, _O.FREE: _S.DRIVING}
-_ALWAYS: Final = {
-    _O.FAULT: _S.FAULT, _O.ESTOP: _S.ESTOPPED, _O.DEVICE_MISSING: _S.WAITING, _O.NOT_PERMITTED: _S.DISARMED,
-}  # fmt: skip
 
-
-def _row(state: DrivingState) -> dict[Observation, DrivingState]:
-    if state in _UNREADY:
-        return _ALWAYS | dict.fromkeys(_MOVABLE, _S.DISARMED)
-    return _ALWAYS | (dict.fromkeys(_MOVABLE, _S.ARMED) if state is _S.DISARMED else _MOVABLE)
-
-
-TRANSITIONS: Final[Mapping[DrivingState, Mapping[Observation, DrivingState]]] = MappingProxyType(
-    {state: MappingProxyType(_row(state)) for state in DrivingState}
+STATE_OF: Final[Mapping[Observation, DrivingState]] = MappingProxyType(
+    {
+        _O.FAULT: _S.FAULT,
+        _O.ESTOP: _S.ESTOPPED,
+        _O.DEVICE_MISSING: _S.WAITING,
+        _O.NOT_PERMITTED: _S.DISARMED,
+        _O.IDLE: _S.ARMED,
+        _O.BLOCKED: _S.STOPPED,
+        _O.SLOWED: _S.LIMITED,
+        _O.FREE: _S.DRIVING,
+    }
 )
-"""The next state, for each state and each observation."""
+"""The state after a decision, for what is true at it; the state before makes no difference."""
 
 CLEARED_BY: Final[Mapping[DrivingState, str]] = MappingProxyType(
     {
@@ -144,15 +141,8 @@ def observe(output: Output, around: Circumstances) -> tuple[Observation, str]:
     return (Observation.IDLE if idle else Observation.BLOCKED), decision.reason
 
 
-def settle(state: DrivingState, seen: Observation) -> DrivingState:
-    """Follow the table with one observation until the state stays the same."""
-    while (following := TRANSITIONS[state][seen]) is not state:
-        state = following
-    return state
-
-
 class DrivingStateMonitor:
-    """Follows the table from decision to decision.
+    """Holds the state from decision to decision.
 
     battery: returns why the battery forbids any motion, "" while it does not. own_law: returns the fault of a law of
         the user, "" without one. slowest_mps: below it the motor does not turn.
@@ -187,7 +177,7 @@ class DrivingStateMonitor:
         seen, self.reason = observe(output, self._circumstances())
         self._winner = output.decision.winner
         self.measure = output.decision.measure if self.reason is output.decision.reason else math.nan
-        state = settle(self.state, seen)
+        state = STATE_OF[seen]
         if state is not self.state:
             self.state, self.since_s = state, self._clock()
 

@@ -16,7 +16,7 @@ from wallride.runtime.arbitration.driving_state import (
     CLEARED_BY,
     OWN_LAW_CLEARED_BY,
     PLANNER_CLEARED_BY,
-    TRANSITIONS,
+    STATE_OF,
     DrivingState,
     Observation,
 )
@@ -227,7 +227,7 @@ STATE_MEANINGS: Final[Mapping[DrivingState, str]] = {
 
 
 def states_page() -> str:
-    """Return the car's states: meaning, what clears each, and the transition table."""
+    """Return the car's states: meaning, what clears each, and what leads to each."""
     lines = [
         HEAD,
         "# States\n",
@@ -238,13 +238,11 @@ def states_page() -> str:
         "| --- " * 3 + "|",
         *(_row((f"`{state}`", STATE_MEANINGS[state], cleared_by(state))) for state in DrivingState),
         "",
-        "## Transitions\n",
-        "At every decision the first of these observations that applies leads from the present state (rows) to the",
-        "next, until the state stays the same: a car that comes from `e-stopped`, `fault (latched)`,",
-        "`waiting for device` or `starting` passes `disarmed` and `armed` before it drives.\n",
-        _row(("", *Observation)),
-        "| --- " * (len(Observation) + 1) + "|",
-        *(_row((f"`{state}`", *(TRANSITIONS[state][seen] for seen in Observation))) for state in DrivingState),
+        "## What leads to each\n",
+        "At every decision the first of these observations that applies names the state, whatever it was before.\n",
+        "| observation | state |",
+        "| --- | --- |",
+        *(_row((seen, f"`{STATE_OF[seen]}`")) for seen in Observation),
         "",
     ]
     return "\n".join(lines)
