@@ -86,7 +86,7 @@ def test_a_study_samples_only_what_the_file_does_not_name(fitted):
     [
         (["--condition", "vehicle.grip_mu=0.6", "--mu", "0.5"], "--mu 0.5: the conditions have vehicle.grip_mu = 0.6"),
         (["--condition", "lidar.own_parts=posts", "--own-parts", "none"], "--own-parts none: the conditions have"),
-        (["--condition", "vehicle.grip_mu=9"], "write numbers between 0.1 and 2"),
+        (["--condition", "vehicle.grip_mu=9"], "vehicle.grip_mu = 9: input should be less than or equal to 2"),
         (["--condition", "vehicle.wings=2"], "vehicle.wings = 2"),
         (["--conditions", "gone.toml"], "--conditions gone.toml: cannot be read"),
     ],
