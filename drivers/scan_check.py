@@ -1,4 +1,4 @@
-"""What every scan of a lidar must be, whoever wrote its driver. Pure; the contract is `Scan` in `drivers/api.py`.
+"""The rules that a scan of any driver keeps. Pure; the contract is `Scan` in `drivers/api.py`.
 
 The car judges by this what drivers from outside deliver, and the conformance kit what all of them do.
 """

@@ -99,7 +99,7 @@ class DeviceBench(Protocol):
 class LidarBench(DeviceBench, Protocol):
     """A lidar in the kit's room (`room_m`)."""
 
-    def driver(self) -> Any:  # noqa: ANN401 - whoever wrote it
+    def driver(self) -> Any:  # noqa: ANN401 - any class with the protocol
         """Return a new driver for it, not yet running."""
         ...
 
@@ -115,7 +115,7 @@ class LidarBench(DeviceBench, Protocol):
 class MotorBench(DeviceBench, Protocol):
     """A motor controller whose wheels follow at once."""
 
-    def driver(self) -> Any:  # noqa: ANN401 - whoever wrote it
+    def driver(self) -> Any:  # noqa: ANN401 - any class with the protocol
         """Return a new driver for it, not yet running."""
         ...
 

@@ -132,7 +132,7 @@ class MotorConformance:
         self.drive(body)
 
     def test_numbers_that_are_none_do_not_move_it(self) -> None:
-        """NaN and infinity are no command to move, whoever sends them, and raise nothing."""
+        """NaN and infinity move nothing and raise nothing."""
 
         async def body(drive: MotorRun) -> None:
             for bad in (Drive(math.nan, 0.0), Drive(math.inf, 0.0), Drive(1.0, math.nan)):

@@ -62,15 +62,19 @@ def build(
     law: str, side: Side, desired_m: float, speed_mps: float, assignments: Sequence[str] = ()
 ) -> tuple[Follower, Guard | None]:
     """Return fresh laws with the settings of `settings_of`."""
-    follower_name, _, guard_name = check(law).partition("+")
+    laws = stack_of(law, side, desired_m, speed_mps, assignments)
+    return laws.follower, None if check(law).endswith("+none") else laws.judge
+
+
+def stack_of(law: str, side: Side, desired_m: float, speed_mps: float, assignments: Sequence[str] = ()) -> LawStack:
+    """Return the fresh stack of laws; "none" is the report's safety with both rules off."""
     settings = settings_of(law, side, desired_m, speed_mps, assignments)
 
     def prototype(parts: Parts) -> Prototype:
         return Prototype(side, desired_m, speed_mps, parts.car, parts.eyes)
 
-    driver = prototype if follower_name == "prototype" else None
-    laws = LawStack(settings.wall_follow, settings.safety, settings.car, driver=driver)
-    return laws.follower, None if guard_name == "none" else laws.judge
+    driver = prototype if check(law).startswith("prototype+") else None
+    return LawStack(settings.wall_follow, settings.safety, settings.car, driver=driver)
 
 
 def own_law_faults(laws: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -109,10 +109,10 @@ def truly_dirty(dirt: Sectors, lidar: LidarSettings) -> Booleans:
 
 
 def _watched(cell: Cell) -> tuple[SimulatedRun, WatchedWindow]:
-    follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
-    if not isinstance(guard, SweptGuard):
-        raise TypeError(f"{cell.law}: only the safety `swept` knows its window; write --method ball")
-    watched = WatchedWindow(guard)
+    if not laws.check(cell.law).endswith("+swept"):
+        raise ValueError(f"{cell.law}: only the safety `swept` knows its window; write --method ball")
+    stack = laws.stack_of(cell.law, cell.side, cell.desired_m, cell.speed_mps)
+    follower, watched = stack.follower, WatchedWindow(stack.guard)
     lidar = LidarSettings(noise_std_m=0.02, outlier_share=0.02, dirty_sectors=sectors(cell.scenario, cell.side))
     case = Case(
         world_of(cell.scenario.partition(", ")[2], cell.side),
