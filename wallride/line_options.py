@@ -1,19 +1,22 @@
-"""Options of `wallride line`. The code is imported when the command runs."""
+"""Options of `wallride map` and `wallride line`. The code is imported when the command runs."""
 
 import argparse
 import math
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from wallride import replay_options
 from wallride.failure import fail, needs
-from wallride.parser import add_config, add_json, add_set, default_config
+from wallride.parser import add_config, add_json, add_set, default_config, writable_path
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
 
 def add(commands: "Commands") -> None:
-    """Add the command."""
+    """Add both commands."""
+    _add_map(commands)
     line = commands.add_parser(
         "line",
         help="compute the race line of a map, with its lap time",
@@ -28,7 +31,8 @@ def add(commands: "Commands") -> None:
     line.add_argument("--side", choices=("left", "right"), help="which wall leads round the map (default: left)")
     line.add_argument(
         "--path", type=Path, metavar="FILE",
-        help="the way round instead: a text file with x and y, as driven or drawn, such as a centre line",
+        help="the way round instead: a text file with x and y, as driven or drawn, such as a centre line (default: the"
+        " path of the lap beside a map of `wallride map`)",
     )  # fmt: skip
     line.add_argument("--reverse", action="store_true", help="the other way round")
     _add_limits(line)
@@ -36,6 +40,26 @@ def add(commands: "Commands") -> None:
     add_set(line)
     add_json(line, "the figures")
     line.set_defaults(run=run)
+
+
+def _add_map(commands: "Commands") -> None:
+    map_ = commands.add_parser(
+        "map",
+        help="make a map of a recorded lap, with a verdict on it",
+        description="Makes a map of a recorded lap, in the format of ROS's map_server, with the path of the lap beside"
+        " it and a picture. Drive a lap along the wall and on past the start, round one more corner. Exit code 0: the"
+        " map is good. 1: it is refused, with the reason; the files are there to look at.",
+    )
+    replay_options.add_recording(map_)
+    map_.add_argument(
+        "-o", dest="output", type=writable_path, metavar="MAP.yaml",
+        help="map to write; image, path and picture go beside it (default: the recording's name, here)",
+    )  # fmt: skip
+    map_.add_argument(
+        "--open", action="store_true", help="the drive does not return to its beginning, and need not for a good map"
+    )
+    add_json(map_, "the figures")
+    map_.set_defaults(run=partial(replay_options.run_offline, "wallride.sim.mapping.command"))
 
 
 def _add_limits(line: argparse.ArgumentParser) -> None:

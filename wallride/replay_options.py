@@ -52,13 +52,18 @@ def add(commands: "Commands") -> None:
 
 def add_file(parser: argparse.ArgumentParser) -> None:
     """Add the options of replay and report: recording, settings and topic."""
-    parser.add_argument(
-        "file", type=Path, nargs="?", metavar="FILE",
-        help="our .mcap, or a .bag, .db3, .mcap, .npz with LaserScans (default: the newest recording of this computer)",
-    )  # fmt: skip
+    add_recording(parser)
     parser.add_argument(
         "--set", dest="assignments", action="append", default=[], metavar="KEY=VALUE",
         help="override a recorded setting, for example wall_follow.kp=10 (repeatable)",
+    )  # fmt: skip
+
+
+def add_recording(parser: argparse.ArgumentParser) -> None:
+    """Add the recording, and which of its lidars is meant."""
+    parser.add_argument(
+        "file", type=Path, nargs="?", metavar="FILE",
+        help="our .mcap, or a .bag, .db3, .mcap, .npz with LaserScans (default: the newest recording of this computer)",
     )  # fmt: skip
     parser.add_argument(
         "--topic", metavar="NAME", help="topic of the lidar, where another program's recording has several"

@@ -8,7 +8,7 @@ of where it began, and while a car drives straight at a wall the way agrees with
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -133,23 +133,13 @@ def lay_over(
     Least squares over n . (R q + t - p), Huber weights, Gauss-Newton. The information is the inverse covariance for
     distances of 1 m of standard deviation; guess_weight is not in it.
     """
-    first_rad, step_rad, beams = kind
     shift, information = guess.copy(), np.zeros((3, 3))
     for turn in range(ROUNDS):
-        cos, sin = math.cos(shift[2]), math.sin(shift[2])
-        x_m = cos * points_m[0] - sin * points_m[1] + shift[0]
-        y_m = sin * points_m[0] + cos * points_m[1] + shift[1]
-        with np.errstate(invalid="ignore"):
-            index = np.nan_to_num(np.rint((np.arctan2(y_m, x_m) - first_rad) / step_rad), nan=-1.0).astype(np.intp)
-        good = (index >= 0) & (index < beams)
-        index[~good] = 0
-        dx, dy = x_m - key.points_m[0, index], y_m - key.points_m[1, index]
-        off_m = key.normals[0, index] * dx + key.normals[1, index] * dy
-        gate_m = GATES_M[min(turn, len(GATES_M) - 1)]
-        good &= key.usable[index] & (np.abs(off_m) < gate_m) & (np.hypot(dx, dy) < SAME_PLACE_M)
-        index, off_m = index[good], off_m[good]
+        pairs = pair(key, points_m, shift, kind)
+        good = pairs.good & (np.abs(pairs.off_m) < GATES_M[min(turn, len(GATES_M) - 1)])
+        index, off_m = pairs.beam[good], pairs.off_m[good]
         nx, ny = key.normals[0, index], key.normals[1, index]
-        slopes = np.stack([nx, ny, ny * (x_m[good] - shift[0]) - nx * (y_m[good] - shift[1])])
+        slopes = np.stack([nx, ny, ny * (pairs.x_m[good] - shift[0]) - nx * (pairs.y_m[good] - shift[1])])
         weighted = slopes / np.maximum(1.0, np.abs(off_m) / HUBER_M)
         information = weighted @ slopes.T
         matrix = information + guess_weight * np.eye(3)
@@ -158,6 +148,36 @@ def lay_over(
         if np.abs(step).max() < ENOUGH_M:
             break
     return shift, information
+
+
+class Pairs(NamedTuple):
+    """Points of a scan, shifted, with the key's surfaces at their bearings, all (n,).
+
+    beam: of the key. off_m: distance from its surface along the normal. good: whether there is such a surface,
+    and the point is near it.
+    """
+
+    beam: npt.NDArray[np.intp]
+    x_m: Floats
+    y_m: Floats
+    off_m: Floats
+    good: Booleans
+
+
+def pair(key: ReferenceScan, points_m: Floats, shift: Floats, kind: Kind) -> Pairs:
+    """Return points (2, n), shifted by x, y, yaw, with the surfaces that the key has in their directions."""
+    first_rad, step_rad, beams = kind
+    cos, sin = math.cos(shift[2]), math.sin(shift[2])
+    x_m = cos * points_m[0] - sin * points_m[1] + shift[0]
+    y_m = sin * points_m[0] + cos * points_m[1] + shift[1]
+    with np.errstate(invalid="ignore"):
+        index = np.nan_to_num(np.rint((np.arctan2(y_m, x_m) - first_rad) / step_rad), nan=-1.0).astype(np.intp)
+    good = (index >= 0) & (index < beams)
+    index[~good] = 0
+    dx, dy = x_m - key.points_m[0, index], y_m - key.points_m[1, index]
+    off_m = key.normals[0, index] * dx + key.normals[1, index] * dy
+    good &= key.usable[index] & (np.hypot(dx, dy) < SAME_PLACE_M)
+    return Pairs(index, x_m, y_m, off_m, good)
 
 
 def _with_speeds(poses: Floats, stamps_s: Floats) -> ScanMotion:

@@ -59,31 +59,32 @@ def match_stops(kind: Kind, before_m: Floats, after_m: Floats, guess: Floats) ->
     return MeasuredShift(_shift(both), _shift(std))
 
 
-def surfaces(points_m: Floats) -> ReferenceScan:
-    """Return lines through the points of 2 * REACH + 1 neighbouring beams: their middles and normals.
+def surfaces(points_m: Floats, reach: int = REACH, max_bend_m: float = MAX_BEND_M) -> ReferenceScan:
+    """Return lines through the points of 2 * reach + 1 neighbouring beams: their middles and normals.
 
-    points_m: (2, beams). Total least squares in a sliding window.
+    points_m: (2, beams). Total least squares in a sliding window. max_bend_m: standard deviation from a line.
     """
     known = np.isfinite(points_m[0])
     x_m, y_m = np.where(known, points_m, 0.0)
-    count = _sums(known.astype(float))
+    count = _sums(known.astype(float), reach)
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean_x, mean_y = _sums(x_m) / count, _sums(y_m) / count
-        xx, yy = _sums(x_m * x_m) / count - mean_x**2, _sums(y_m * y_m) / count - mean_y**2
-        xy = _sums(x_m * y_m) / count - mean_x * mean_y
+        mean_x, mean_y = _sums(x_m, reach) / count, _sums(y_m, reach) / count
+        xx, yy = _sums(x_m * x_m, reach) / count - mean_x**2, _sums(y_m * y_m, reach) / count - mean_y**2
+        xy = _sums(x_m * y_m, reach) / count - mean_x * mean_y
     angle_rad = 0.5 * np.arctan2(2.0 * xy, xx - yy)  # of the line
     half, root = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     bend_m, width_m = np.sqrt(np.maximum(half - root, 0.0)), np.sqrt(12.0 * np.maximum(half + root, 0.0))
-    usable = known & (count >= 2 * REACH + 1 - MAX_MISSING) & (bend_m < MAX_BEND_M) & (width_m < MAX_WIDTH_M)
+    most_missing = MAX_MISSING * reach // REACH
+    usable = known & (count >= 2 * reach + 1 - most_missing) & (bend_m < max_bend_m) & (width_m < MAX_WIDTH_M)
     middles = np.where(usable, np.stack([mean_x, mean_y]), np.nan)
     return ReferenceScan(middles, np.stack([-np.sin(angle_rad), np.cos(angle_rad)]), usable)
 
 
-def _sums(values: Floats) -> Floats:
+def _sums(values: Floats, reach: int) -> Floats:
     """Return the sums over the window of each beam, (beams,)."""
-    padded = np.concatenate([np.zeros(REACH + 1), values, np.zeros(REACH)])
+    padded = np.concatenate([np.zeros(reach + 1), values, np.zeros(reach)])
     total: Floats = np.cumsum(padded)
-    return total[2 * REACH + 1 :] - total[: -2 * REACH - 1]
+    return total[2 * reach + 1 :] - total[: -2 * reach - 1]
 
 
 def _usable(stop: Stop, ignored: Booleans | None) -> Floats:

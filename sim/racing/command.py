@@ -13,7 +13,7 @@ from wallride.runtime.settings.tree import load_settings
 from wallride.sim.racing.free_space import FreeSpace
 from wallride.sim.racing.line_file import save_picture, text_of
 from wallride.sim.racing.raceline import NoLineError, RaceLine, race_line
-from wallride.sim.racing.ring import read_path, ring_of, ring_of_path
+from wallride.sim.racing.ring import driven_path, read_path, ring_of, ring_of_path
 from wallride.sim.racing.speed_profile import Grip
 from wallride.sim.world.place import World
 from wallride.sim.world.worlds import is_map, load_world
@@ -27,6 +27,8 @@ SPARE_M: Final = 0.05
 
 def run(options: argparse.Namespace) -> int:
     """Write the line; ValueError, SettingsError and OSError for what the user can correct."""
+    if options.path is None and options.side is None and is_map(options.map):
+        options.path = driven_path(Path(options.map))
     world = load_world(Path(options.map) if is_map(options.map) else options.map, side=options.side)
     car = load_settings(options.config, options.assignments).car
     if options.keep_m < (least_m := car.half_width_m + SPARE_M):

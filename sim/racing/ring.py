@@ -17,6 +17,8 @@ SMOOTH_M: Final = 0.4
 MIN_LENGTH_M: Final = 5.86
 """The car's tightest circle, R = 0.933 m."""
 BALLS_M: Final = tuple(round(START_DISTANCE_M - 0.1 * step, 1) for step in range(7))
+PATH_SUFFIX: Final = ".path.csv"
+"""Ending of the file beside a map, in place of .yaml, with the path of the lap that the map was made of."""
 JOINS_WITHIN_M: Final = 1.0
 """Maximum gap between the last point of a path and its first."""
 
@@ -83,6 +85,12 @@ def resampled(points_m: Floats, count: int) -> Floats:
 def ring_length_m(points_m: Floats) -> float:
     """Return the length of a closed polyline."""
     return float(_length(points_m - np.roll(points_m, 1, axis=0)).sum())
+
+
+def driven_path(map_file: Path) -> Path | None:
+    """Return the file beside a map with the path of the lap that it was made of, None without one."""
+    beside = map_file.with_name(f"{map_file.stem}{PATH_SUFFIX}")
+    return beside if beside.is_file() else None
 
 
 def read_path(path: Path) -> Floats:

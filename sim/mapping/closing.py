@@ -1,0 +1,247 @@
+"""From a drive to the poses of its keyframes: laid over their neighbours, and over those of the lap's beginning.
+
+First the errors of wheels and steering are learnt: feature-poor corridors inherit the wheels' scale, so it is measured
+only where the scene determines all directions. Then two passes, the second with the scans de-skewed by the turns that
+the first has found.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from wallride.runtime.calibration.scan_motion import HUBER_M, Kind, lay_over, pair
+from wallride.sim.mapping.keyframes import Keyframe, keyframes
+from wallride.sim.mapping.lap_record import LapRecord
+from wallride.sim.mapping.odometry_path import LearntCar, LidarPath, odometry_path
+from wallride.sim.mapping.pose_graph import Edge, Origin, between, optimized, placed
+from wallride.sim.recordings import RecordingError
+from wallride.sim.world.pose import Floats
+
+BACK: Final = (1, 2, 4, 8)
+"""A keyframe is laid over these before it."""
+POINT_STD_M: Final = 0.03
+"""Standard deviation of a point's distance from a surface: neighbours share most of their error, hence so much."""
+GUESS_WEIGHT: Final = 0.5
+FITS_M: Final = 0.1
+"""Maximum distance of a point that fits from its surface."""
+MIN_POINTS: Final = 40
+WEAK_SHARE: Final = 0.04
+LOOP_WEAK_SHARE: Final = 0.15
+"""Least ratio of the information in the two directions; below it the odometry has the weaker one. A loop's is larger,
+because the noise of the normals invents information along a corridor."""
+FACES: Final = 0.35
+"""Least component of a normal along a direction that counts as information on it: noise turns normals by less."""
+MIN_SHARE: Final = 0.4
+LOOP_MIN_SHARE: Final = 0.55
+LOOP_WAY_M: Final = 8.0
+LOOP_TURN_RAD: Final = 0.6
+WINDOW_M, WINDOW_SHARE, MAX_WINDOW_M = 0.3, 0.012, 2.0
+"""Distance within which two keyframes can be neighbours after a loop: a constant, and a share of the way between."""
+SEARCH_STEP_M: Final = 0.3
+NEAR_M: Final = 2.0
+LOOPS_EACH: Final = 3
+PIECE: Final = 4
+"""Keyframes of a piece of the way by which the wheels are judged."""
+PIECE_M: Final = 0.5
+PIECES: Final = 5
+"""Least length and number of such pieces."""
+LEARN_SHARE: Final = 0.3
+LEARN_ROUNDS: Final = 4
+STRAIGHT_RAD: Final = 0.2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClosedLap:
+    """The result of a drive: its keyframes with their poses (n, 3) and all edges with the chi2 of each.
+
+    car: what was learnt of the car's own sensors.
+    """
+
+    frames: Sequence[Keyframe]
+    poses: Floats
+    edges: Sequence[Edge]
+    chi2: Floats
+    car: LearntCar
+
+    @property
+    def loops(self) -> list[Edge]:
+        """Return the edges between the lap's end and its beginning."""
+        return [edge for edge in self.edges if edge.origin is Origin.LOOP]
+
+
+def close_lap(record: LapRecord) -> ClosedLap:
+    """Return the poses of a drive. RecordingError for a drive of fewer than three keyframes."""
+    car, path = LearntCar(), odometry_path(record, LearntCar())
+    if len(record.reports):
+        car = learnt(record, _frames(record, path), path, car)
+        path = odometry_path(record, car)
+    frames, chain, poses = _chained(record, path, BACK[::2])
+    poses, _ = optimized(poses, chain)
+    times_s = np.array([frame.time_s for frame in frames])
+    path = path.turned(times_s, poses[:, 2] - path.at(times_s)[:, 2])
+    if len(record.reports):
+        again = learnt(record, _frames(record, path), path, car)
+        car, path = replace(car, scale=again.scale), path.scaled(again.scale / car.scale)
+    frames, chain, poses = _chained(record, path, BACK)
+    poses, _ = optimized(poses, chain)
+    loops: list[Edge] = []
+    for searching in (True, False):
+        loops = list(_loops(frames, poses, record.kind, searching=searching))
+        poses, chi2 = optimized(poses, [*chain, *loops])
+    return ClosedLap(frames, poses, [*chain, *loops], chi2, car)
+
+
+def laid_over(
+    frames: Sequence[Keyframe], before: int, after: int, guess: Floats, kind: Kind, origin: Origin
+) -> Edge | None:
+    """Return the shift of a keyframe in the frame of another one; None where it does not fit.
+
+    Where the scene hides a direction, the shift has the guess's value in it, and the information none.
+    """
+    loop = origin is Origin.LOOP
+    surface, middles_m = frames[before].surface, frames[after].middles_m
+    shift, information = lay_over(surface, middles_m, guess, kind, GUESS_WEIGHT)
+    pairs = pair(surface, middles_m, shift, kind)
+    fits = pairs.good & (np.abs(pairs.off_m) < FITS_M)
+    count, seen = int(np.count_nonzero(fits)), int(np.count_nonzero(surface.usable[pairs.beam]))
+    if count < MIN_POINTS or count < (LOOP_MIN_SHARE if loop else MIN_SHARE) * seen:
+        return None
+    off_m = np.abs(pairs.off_m[fits])
+    residual_m = float(np.sqrt(np.average(off_m**2, weights=1.0 / np.maximum(1.0, off_m / HUBER_M))))
+    strength, axes = np.linalg.eigh(information[:2, :2])
+    toward = axes[:, 0] @ surface.normals[:, pairs.beam[fits]]
+    determined = float(np.sum(toward[np.abs(toward) > FACES] ** 2) / strength[1])
+    full = determined > (LOOP_WEAK_SHARE if loop else WEAK_SHARE)
+    if not full:
+        strong = np.eye(3)
+        strong[:2, :2] = np.outer(axes[:, 1], axes[:, 1])
+        shift, information = guess + strong @ (shift - guess), strong @ information @ strong
+    return Edge(before, after, shift, information / POINT_STD_M**2, origin, full, determined, count / seen, residual_m)
+
+
+def learnt(record: LapRecord, frames: Sequence[Keyframe], path: LidarPath, car: LearntCar) -> LearntCar:
+    """Return the car's errors, by pieces of its way of which the scans determine all directions.
+
+    car: the errors that are in the path already. The result of a match is pulled toward the guess by up to a third, so
+    the guess is improved LEARN_ROUNDS times.
+    """
+    times_s = np.array([frame.time_s for frame in frames])
+    ratio, bend_radpm = 1.0, 0.0
+    for _ in range(LEARN_ROUNDS):
+        pieces = list(_pieces(frames, path.scaled(ratio).at(times_s), record.kind))
+        sure = [piece for piece in pieces if piece[0] > LEARN_SHARE]
+        used = np.array(sure if len(sure) >= PIECES else pieces).reshape(-1, 3)
+        if len(used) < PIECES:
+            return car
+        ratio *= float(np.median(used[:, 1]))
+        bend_radpm = float(np.median(used[:, 2]))
+    trim_rad = float(np.arctan(record.wheelbase_m * bend_radpm)) if len(record.gyro) < 2 else 0.0
+    return replace(car, scale=car.scale * ratio, trim_rad=car.trim_rad + trim_rad)
+
+
+def _pieces(frames: Sequence[Keyframe], told: Floats, kind: Kind) -> Iterator[tuple[float, float, float]]:
+    """Yield how well a straight piece is determined, its way over that told, and the turn that was not told [rad/m]."""
+    for after in range(PIECE, len(frames), 2):
+        guess = between(told[after - PIECE], told[after])
+        told_m = float(np.hypot(guess[0], guess[1]))
+        if told_m < PIECE_M or abs(guess[2]) > STRAIGHT_RAD:
+            continue
+        edge = laid_over(frames, after - PIECE, after, guess, kind, Origin.NEIGHBOUR)
+        if edge is not None and edge.full:
+            way_m = float(np.hypot(edge.shift[0], edge.shift[1]))
+            yield edge.determined, way_m / told_m, float(edge.shift[2] - guess[2]) / way_m
+
+
+def _frames(record: LapRecord, path: LidarPath) -> list[Keyframe]:
+    frames = keyframes(record, path)
+    if len(frames) < 3:
+        raise RecordingError(f"{record.name}: the car hardly moved ({len(frames)} places): a map needs a drive")
+    return frames
+
+
+def _chained(record: LapRecord, path: LidarPath, backs: Sequence[int]) -> tuple[list[Keyframe], list[Edge], Floats]:
+    """Return keyframes, the edges along the way, and first poses, (n, 3). backs: which are laid over each other."""
+    frames = _frames(record, path)
+    by_gyro = len(record.gyro) >= 2
+    poses, edges = [frames[0].odometry], []
+    for number in range(1, len(frames)):
+        told = _odometry(frames, number, by_gyro=by_gyro)
+        edges.append(told)
+        found, pose = [], placed(poses[-1], told.shift)
+        for back in backs:
+            if back > number:
+                break
+            guess = between(poses[number - back], pose)
+            if (edge := laid_over(frames, number - back, number, guess, record.kind, Origin.NEIGHBOUR)) is not None:
+                found.append(edge)
+                pose = placed(poses[number - back], edge.shift) if back == 1 else pose
+        edges += found
+        poses.append(_met(poses, [told, *found]))
+    return frames, edges, np.array(poses)
+
+
+def _met(poses: Sequence[Floats], edges: Sequence[Edge]) -> Floats:
+    """Return the next pose, which fits best all edges to earlier ones."""
+    pose = placed(poses[edges[-1].before], edges[-1].shift)
+    matrix, pull = np.zeros((3, 3)), np.zeros(3)
+    for edge in edges:
+        cos, sin = np.cos(poses[edge.before][2]), np.sin(poses[edge.before][2])
+        turned = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        error = edge.shift - between(poses[edge.before], pose)
+        error[2] = np.angle(np.exp(1j * error[2]))
+        matrix = matrix + turned.T @ edge.information @ turned
+        pull = pull + turned.T @ edge.information @ error
+    met: Floats = pose + np.linalg.solve(matrix, pull)
+    return met
+
+
+def _odometry(frames: Sequence[Keyframe], number: int, *, by_gyro: bool) -> Edge:
+    shift = between(frames[number - 1].odometry, frames[number].odometry)
+    way_m, turn_rad = float(np.hypot(*shift[:2])), abs(float(shift[2]))
+    yaw_std = 0.002 + 0.02 * turn_rad if by_gyro else 0.01 + 0.1 * turn_rad + 0.05 * way_m
+    std = np.array([0.002 + 0.02 * way_m, 0.004 + 0.04 * way_m, yaw_std])
+    return Edge(number - 1, number, shift, np.diag(std**-2), Origin.ODOMETRY)
+
+
+def _loops(frames: Sequence[Keyframe], poses: Floats, kind: Kind, *, searching: bool) -> Iterator[Edge]:
+    """Yield the edges between keyframes that are near each other after a loop.
+
+    searching: the poses may still be wrong by as much as a drive drifts; else they are right to a decimetre.
+    """
+    way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
+    tree = cKDTree(poses[:, :2])
+    for after in range(1, len(frames)):
+        near = np.array(tree.query_ball_point(poses[after, :2], MAX_WINDOW_M if searching else NEAR_M), dtype=np.intp)
+        turned = np.abs(np.angle(np.exp(1j * (poses[near, 2] - poses[after, 2]))))
+        near = near[(way_m[near] < way_m[after] - LOOP_WAY_M) & (turned < LOOP_TURN_RAD)]
+        if not len(near):
+            continue
+        near = near[np.argsort(np.hypot(*(poses[near, :2] - poses[after, :2]).T))]
+        if not searching:
+            for before in near[:LOOPS_EACH]:
+                guess = between(poses[before], poses[after])
+                if (edge := laid_over(frames, int(before), after, guess, kind, Origin.LOOP)) is not None:
+                    yield edge
+        elif (best := _searched(frames, poses, int(near[0]), after, way_m, kind)) is not None:
+            yield best
+
+
+def _searched(
+    frames: Sequence[Keyframe], poses: Floats, before: int, after: int, way_m: Floats, kind: Kind
+) -> Edge | None:
+    """Return the best fit of a keyframe to one of the lap's beginning, from several places within the window."""
+    guess = between(poses[before], poses[after])
+    window_m = min(MAX_WINDOW_M, WINDOW_M + WINDOW_SHARE * float(way_m[after] - way_m[before]))
+    if float(np.hypot(*guess[:2])) > window_m + WINDOW_M:
+        return None
+    best: Edge | None = None
+    reach = int(window_m / SEARCH_STEP_M) if window_m > SEARCH_STEP_M + WINDOW_M else 0
+    for ahead in sorted(range(-reach, reach + 1), key=abs):
+        start = guess + np.array([ahead * SEARCH_STEP_M, 0.0, 0.0])
+        edge = laid_over(frames, before, after, start, kind, Origin.LOOP)
+        if edge is not None and (best is None or edge.share > best.share + 0.05):
+            best = edge
+    return best

@@ -1,0 +1,74 @@
+"""`wallride map`: the map of a recorded lap, with its verdict, as files of ROS and a picture."""
+
+import argparse
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Final
+
+from wallride.sim.mapping.closing import ClosedLap, close_lap
+from wallride.sim.mapping.lap_record import LapRecord, read_record
+from wallride.sim.mapping.map_output import path_of, save_map, save_picture
+from wallride.sim.mapping.raster import rasterized
+from wallride.sim.mapping.verdict import MapVerdict, judge_map
+
+REFUSED: Final = 1
+"""Exit code of a map that is not to be trusted; its files are written all the same, to look at."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the map; RecordingError for what the user can correct."""
+    stem = _stem(options.output, options.file)
+    record = read_record(options.file, options.topic)
+    lap = close_lap(record)
+    verdict = judge_map(record, lap, is_open=options.open)
+    words = "good" if verdict.good else f"refused: {'; '.join(verdict.reasons)}"
+    raster, path = rasterized(lap.frames, lap.poses, record.kind[1]), path_of(record, lap)
+    files = save_map(stem, raster, path, f"map by wallride of {record.name}, {words}")
+    picture = stem.with_name(f"{stem.name}.png")
+    title = f"{record.name}: {verdict.way_m:.1f} m, {'good' if verdict.good else 'refused'}"
+    save_picture(picture, raster, path, lap, title)
+    if options.json is not None:
+        text = json.dumps({**asdict(verdict), "scale": lap.car.scale, "trim_rad": lap.car.trim_rad})
+        if options.json == "-":
+            print(text)  # noqa: T201 - this is the command's answer
+            return 0 if verdict.good else REFUSED
+        Path(options.json).write_text(text + "\n", encoding="utf-8")
+    written = ", ".join(str(file) for file in (*files, picture))
+    for line in (*summary(record, lap, verdict), f"written: {written}", f"verdict: {words}"):
+        print(line)  # noqa: T201
+    return 0 if verdict.good else REFUSED
+
+
+def summary(record: LapRecord, lap: ClosedLap, verdict: MapVerdict) -> Iterator[str]:
+    """Yield the figures in sentences."""
+    yield f"{record.name}: {verdict.way_m:.1f} m in {verdict.keyframes} keyframes, by {_origin(record)}"
+    yield (
+        f"scans lie {1000 * verdict.residual_m:.1f} mm beside each other (rms), at least"
+        f" {100 * verdict.inliers:.0f} % of their points fit at 95 % of the places"
+    )
+    if verdict.loops:
+        yield (
+            f"the loop is closed by {verdict.loops} edges, {verdict.full_loops} of them in all directions"
+            f" (chi2 {verdict.contradiction:.2f})"
+        )
+    if len(record.reports):
+        yield f"the wheels report {100 / lap.car.scale - 100:+.1f} % of way{_trim(record, lap)}"
+
+
+def _origin(record: LapRecord) -> str:
+    if not len(record.reports):
+        return "the scans alone, without wheels"
+    return "wheels and gyro" if len(record.gyro) else "wheels and steering, without a gyro"
+
+
+def _trim(record: LapRecord, lap: ClosedLap) -> str:
+    return "" if len(record.gyro) else f"; the wheels' true angle is the reported one {lap.car.trim_rad:+.3f} rad"
+
+
+def _stem(output: Path | None, recording: Path) -> Path:
+    """Return the path of the map's files without their endings."""
+    if output is None:
+        return Path(recording.stem)
+    return output.with_suffix("") if output.suffix in {".yaml", ".yml", ".pgm"} else output

@@ -1,0 +1,108 @@
+"""What mapping needs of a recorded drive: scans, reports of the wheels, rates of the gyro, on one clock."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.calibration.scan_motion import Kind
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.recording.decision_log import Event, FollowerEvent, SafetyEvent, ScanEvent
+from wallride.runtime.wire import topics
+from wallride.sim.fit.drive import scan_times_s
+from wallride.sim.recordings import Recording, RecordingError, load_recording
+from wallride.sim.replay.decode import decode
+from wallride.sim.replay.drive_log import NS, DriveLog, is_mcap, read_log
+from wallride.sim.replay.reenact import events_of
+from wallride.sim.replay.settings_text import settings_of
+from wallride.sim.world.pose import Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LapRecord:
+    """A drive.
+
+    kind: of the lidar. ray_s: time from one beam to the next. scan_s: (n,), time of each scan's last beam. ranges_m:
+    (n, beams), NaN without a distance. reports: (m, 4), time [s], way [m], speed [m/s] and steering [rad] as the motor
+    controller reported them; without rows where it was not recorded. gyro: (g, 2), time [s] and yaw rate [rad/s],
+    likewise. lidar_m: place of the lidar ahead of the rear axle and left of it, x + iy.
+    """
+
+    name: str
+    kind: Kind
+    ray_s: float
+    scan_s: Floats
+    ranges_m: npt.NDArray[np.float32]
+    reports: Floats = field(default_factory=lambda: np.zeros((0, 4)))
+    gyro: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    lidar_m: complex = 0j
+    wheelbase_m: float = 0.33
+
+
+def read_record(path: Path, topic: str | None = None) -> LapRecord:
+    """Return the drive of a file: a recording of wallride, or the scans of another program's.
+
+    topic: of the lidar, where there are several. Raises: RecordingError.
+    """
+    if path.is_file() and is_mcap(path):
+        log = read_log(path)
+        if log.is_ours:
+            return record_of_log(log)
+    return record_of_recording(load_recording(path, topic))
+
+
+def record_of_recording(recording: Recording) -> LapRecord:
+    """Return the drive of another program's recording: its scans alone, since nothing tells what its wheels mean."""
+    ranges_m = np.array(recording.ranges_m)
+    ranges_m[~((ranges_m >= recording.range_min_m) & (ranges_m <= recording.range_max_m))] = np.nan
+    ray_s = recording.scan_time_s * abs(recording.angle_step_rad) / math.tau
+    kind = (recording.angle_min_rad, recording.angle_step_rad, recording.beams)
+    last_s = scan_times_s(recording) + ray_s * (recording.beams - 1) / 2
+    order = np.flatnonzero(np.diff(np.maximum.accumulate(last_s), prepend=-np.inf) > 0.0)
+    return LapRecord(recording.name, kind, ray_s, last_s[order], ranges_m[order])
+
+
+def record_of_log(log: DriveLog) -> LapRecord:
+    """Return the drive of a recording of wallride, from its decision log, which has each report of the wheels."""
+    decoded = {message.sequence: message for message in log.of(topics.SCAN)}
+    events = events_of(log)
+    taken = [event for event in events if isinstance(event, ScanEvent) and event.sequence in decoded]
+    if len(taken) < 2:
+        raise RecordingError(f"{log.name} holds {len(taken)} scans: a map needs a drive.")
+    first = decode(decoded[taken[0].sequence])
+    kind = (taken[0].angle_min_rad, taken[0].angle_step_rad, taken[0].beams)
+    taken = [event for event in taken if event.beams == kind[2]]
+    ranges_m = np.array([decode(decoded[event.sequence]).ranges for event in taken], dtype=np.float32)
+    ahead_s = decoded[taken[0].sequence].stamp_ns / NS - taken[0].stamp_s
+    rates = [(one.stamp_ns / NS - ahead_s, decode(one).angular_velocity.z) for one in log.of(topics.IMU)]
+    car = settings_of(log, laws=False).car
+    return LapRecord(
+        log.name, kind, float(first.scan_time) * abs(kind[1]) / math.tau, np.array([event.stamp_s for event in taken]),
+        ranges_m, reports_of(_states(events)), np.array(rates).reshape(-1, 2), car.lidar_m, car.wheelbase_m,
+    )  # fmt: skip
+
+
+def record_of_scans(name: str, scans: Sequence[Scan], states: Sequence[MotorState], car: CarSettings) -> LapRecord:
+    """Return the drive of scans and motor states as drivers deliver them, such as those of a simulated car."""
+    first = scans[0]
+    kind = (first.angle_min_rad, first.angle_step_rad, first.ranges_m.size)
+    ray_s = first.ray_s or abs(kind[1]) / math.tau * float(np.median(np.diff([scan.stamp_s for scan in scans])))
+    return LapRecord(
+        name, kind, ray_s, np.array([scan.stamp_s for scan in scans]), np.array([scan.ranges_m for scan in scans]),
+        reports_of(states), lidar_m=car.lidar_m, wheelbase_m=car.wheelbase_m,
+    )  # fmt: skip
+
+
+def reports_of(states: Sequence[MotorState]) -> Floats:
+    """Return time, way, speed and steering of each report, (m, 4), those with the same time once."""
+    rows = {state.stamp_s: (state.stamp_s, state.distance_m, state.speed_mps, state.steering_rad) for state in states}
+    return np.array([rows[stamp_s] for stamp_s in sorted(rows)]).reshape(-1, 4)
+
+
+def _states(events: Sequence[Event]) -> list[MotorState]:
+    asked = [event.motor for event in events if isinstance(event, SafetyEvent | FollowerEvent)]
+    return [state for state in asked if state is not None]

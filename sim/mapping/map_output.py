@@ -1,0 +1,69 @@
+"""The files of a map: `.yaml` and `.pgm` as ROS's map_server reads them, the path of the lap, and a picture.
+
+The path is text, `t_s; x_m; y_m; yaw_rad; speed_mps` of the rear axle in the map's frame, whose origin is where the
+recording began, x ahead. `wallride line` finds it beside the map.
+"""
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from wallride.sim.mapping.closing import ClosedLap
+from wallride.sim.mapping.lap_record import LapRecord
+from wallride.sim.mapping.odometry_path import of_the_axle
+from wallride.sim.mapping.raster import CELL_M, Raster
+from wallride.sim.racing.ring import PATH_SUFFIX
+from wallride.sim.world.pose import Floats
+
+FREE, UNKNOWN, WALL = 254, 205, 0
+"""Shades of map_saver."""
+COLUMNS: Final = ("t_s", "x_m", "y_m", "yaw_rad", "speed_mps")
+
+
+def path_of(record: LapRecord, lap: ClosedLap) -> Floats:
+    """Return a row of COLUMNS for each keyframe, (n, 5); the speed as the map shows it."""
+    times_s = np.array([frame.time_s for frame in lap.frames])
+    axle = of_the_axle(lap.poses, record.lidar_m)
+    ahead = np.gradient(axle[:, 0], times_s) * np.cos(axle[:, 2]) + np.gradient(axle[:, 1], times_s) * np.sin(
+        axle[:, 2]
+    )
+    return np.column_stack([times_s - record.scan_s[0], axle, ahead])
+
+
+def save_map(stem: Path, raster: Raster, path: Floats, about: str) -> list[Path]:
+    """Write the grid and the path, and return the files. about: one sentence for both. Raises: OSError."""
+    image, yaml, way = (stem.with_name(stem.name + ending) for ending in (".pgm", ".yaml", PATH_SUFFIX))
+    shades = np.where(raster.wall, WALL, np.where(raster.free, FREE, UNKNOWN)).astype(np.uint8)[::-1]
+    image.write_bytes(f"P5\n{shades.shape[1]} {shades.shape[0]}\n255\n".encode() + shades.tobytes())
+    yaml.write_text(
+        f"# {about}\nimage: {image.name}\nresolution: {CELL_M}\n"
+        f"origin: [{raster.corner_m[0]:.3f}, {raster.corner_m[1]:.3f}, 0.0]\n"
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n",
+        encoding="utf-8",
+    )
+    rows = ("; ".join(f"{value:.4f}" for value in row) for row in path.tolist())
+    way.write_text("\n".join([f"# {about}", f"# {'; '.join(COLUMNS)}", *rows, ""]), encoding="utf-8")
+    return [yaml, image, way]
+
+
+def save_picture(file: Path, raster: Raster, path: Floats, lap: ClosedLap, title: str) -> None:
+    """Write a picture of the map with the path, coloured by speed, and the edges that close the loop."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 8), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    shades = np.where(raster.wall, 0.0, np.where(raster.free, 1.0, 0.75))
+    x_m, y_m = raster.corner_m
+    extent = (x_m, x_m + CELL_M * shades.shape[1], y_m, y_m + CELL_M * shades.shape[0])
+    axes.imshow(shades, cmap="gray", vmin=0.0, vmax=1.0, origin="lower", extent=extent)
+    for edge in lap.loops:
+        ends = lap.poses[[edge.before, edge.after], :2]
+        axes.plot(ends[:, 0], ends[:, 1], color="tab:red" if edge.full else "tab:orange", linewidth=0.6)
+    drawn = axes.scatter(path[:, 1], path[:, 2], c=path[:, 4], s=6, cmap="viridis")
+    axes.plot(path[0, 1], path[0, 2], marker=(3, 0, np.degrees(path[0, 3]) - 90.0), color="tab:red", markersize=12)
+    figure.colorbar(drawn, label="speed [m/s]")
+    axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
+    figure.savefig(file, dpi=120)

@@ -1,0 +1,106 @@
+"""Whether a map can be trusted, and why not."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from wallride.sim.mapping.closing import ClosedLap
+from wallride.sim.mapping.lap_record import LapRecord
+from wallride.sim.mapping.pose_graph import Edge, Origin, between
+from wallride.sim.world.pose import Floats
+
+GAP_S: Final = 0.5
+MOVED_M: Final = 0.15
+"""Way in a gap from which on the gap counts: a car that stands misses nothing."""
+RESIDUAL_M: Final = 0.03
+INLIERS: Final = 0.6
+FULL_LOOPS: Final = 3
+CONTRADICTION: Final = 2.0
+"""Mean chi2 of the edges of the loop: 0.1 to 1 on good maps, 2.5 and more where equal pillars were mixed up."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapVerdict:
+    """Figures of a map, and the reasons against it; without reasons it is good.
+
+    residual_m: rms distance of points from the surfaces they were laid over. inliers: 5th percentile of the share of
+    points that fit. full_loops: keyframes that meet the lap's beginning where the scene determines all directions.
+    contradiction: mean chi2 of the loop's edges, NaN without any. gap_s: longest time without a scan in which the car
+    moved. unmatched: keyframes that fit no earlier one.
+    """
+
+    way_m: float
+    keyframes: int
+    unmatched: int
+    residual_m: float
+    inliers: float
+    loops: int
+    full_loops: int
+    contradiction: float
+    gap_s: float
+    reasons: tuple[str, ...]
+
+    @property
+    def good(self) -> bool:
+        """Return whether nothing speaks against the map."""
+        return not self.reasons
+
+
+def judge_map(record: LapRecord, lap: ClosedLap, *, is_open: bool = False) -> MapVerdict:
+    """Return the verdict on a lap. is_open: the drive does not return to its beginning, and need not."""
+    matched = [edge for edge in lap.edges if edge.origin is not Origin.ODOMETRY]
+    near = [edge for edge in matched if edge.origin is Origin.NEIGHBOUR and edge.after - edge.before == 1]
+    loops = [(edge, chi2) for edge, chi2 in zip(lap.edges, lap.chi2, strict=True) if edge.origin is Origin.LOOP]
+    gap_s, gap_at_s = _gap(record, lap)
+    verdict = MapVerdict(
+        way_m=float(np.hypot(*np.diff(lap.poses[:, :2], axis=0).T).sum()),
+        keyframes=len(lap.frames),
+        unmatched=len(lap.frames) - 1 - len({edge.after for edge in matched}),
+        residual_m=float(np.sqrt(np.mean([edge.residual_m**2 for edge in matched]))) if matched else float("nan"),
+        inliers=float(np.percentile([edge.share for edge in near], 5)) if near else 0.0,
+        loops=len(loops),
+        full_loops=sum(edge.full for edge, _ in loops),
+        contradiction=float(np.mean([chi2 for _, chi2 in loops])) if loops else float("nan"),
+        gap_s=gap_s,
+        reasons=(),
+    )
+    reasons = tuple(_reasons(verdict, gap_at_s, _ring_gap(lap, [edge for edge, _ in loops]), is_open=is_open))
+    return replace(verdict, reasons=reasons)
+
+
+def _reasons(verdict: MapVerdict, gap_at_s: float, end: str, *, is_open: bool) -> Iterator[str]:
+    if verdict.gap_s > GAP_S:
+        yield f"scans are missing for {verdict.gap_s:.1f} s at {gap_at_s:.1f} s while the car moved"
+    if verdict.unmatched > max(1, 0.01 * verdict.keyframes):
+        yield f"{verdict.unmatched} of {verdict.keyframes} places fit none before them"
+    if not verdict.residual_m <= RESIDUAL_M:
+        yield f"the scans lie {1000 * verdict.residual_m:.0f} mm beside each other (rms; at most {1000 * RESIDUAL_M:g})"
+    if verdict.inliers < INLIERS:
+        yield f"at some places only {100 * verdict.inliers:.0f} % of the points fit"
+    if not is_open and verdict.full_loops < FULL_LOOPS:
+        yield f"the ring is open: {end}"
+    if verdict.contradiction > CONTRADICTION:
+        yield f"the end of the lap contradicts its beginning (chi2 {verdict.contradiction:.1f}, not {CONTRADICTION:g})"
+
+
+def _ring_gap(lap: ClosedLap, loops: Sequence[Edge]) -> str:
+    if loops:
+        return "the lap meets its beginning only where the scans hide a direction; drive on to the next corner"
+    ends: Floats = between(lap.poses[0], lap.poses[-1])
+    return f"the drive ends {np.hypot(*ends[:2]):.1f} m from its beginning; drive on past the start, one corner or more"
+
+
+def _gap(record: LapRecord, lap: ClosedLap) -> tuple[float, float]:
+    """Return the longest time without a scan in which the car moved, and when it began."""
+    gaps_s = np.diff(record.scan_s)
+    times_s = np.array([frame.time_s for frame in lap.frames])
+    for at in np.argsort(gaps_s)[::-1]:
+        if gaps_s[at] <= GAP_S:
+            break
+        ends_s = record.scan_s[[at, at + 1]]
+        moved_m = [np.interp(ends_s, times_s, lap.poses[:, axis]) for axis in (0, 1)]
+        if np.hypot(*(np.diff(one)[0] for one in moved_m)) > MOVED_M:
+            return float(gaps_s[at]), float(ends_s[0] - record.scan_s[0])
+    return 0.0, 0.0

@@ -1,0 +1,47 @@
+"""Laps of the simulated car: the map is the truth's, and a broken recording is refused or corrected."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.maps import MAX_M, RMS_M, MapDrive, errors_m, recorded
+from wallride.sim.mapping.closing import close_lap
+from wallride.sim.mapping.verdict import judge_map
+
+
+def mapped(flaw="", *, gyro=True, seed=3, speed_mps=4.0):
+    record, truth = recorded(MapDrive("loop", speed_mps, 0.8, seed, gyro=gyro, flaw=flaw), Path())
+    lap = close_lap(record)
+    return judge_map(record, lap), errors_m(lap, record, truth), lap
+
+
+@pytest.mark.parametrize("gyro", [True, False])
+def test_the_path_of_a_lap_is_the_true_one_whatever_wheels_and_steering_say(gyro):
+    verdict, off_m, lap = mapped(gyro=gyro)
+    assert verdict.reasons == ()
+    assert np.sqrt(np.mean(off_m**2)) < RMS_M
+    assert off_m.max() < MAX_M
+    assert lap.car.scale == pytest.approx(1 / 1.03, abs=0.003)
+    if not gyro:
+        assert lap.car.trim_rad == pytest.approx(0.02, abs=0.003)
+
+
+def test_wheels_that_are_ten_percent_wrong_are_corrected():
+    verdict, off_m, lap = mapped("wheels")
+    assert verdict.good
+    assert off_m.max() < MAX_M
+    assert lap.car.scale == pytest.approx(1 / 1.1, abs=0.004)
+
+
+@pytest.mark.parametrize(
+    ("flaw", "reason"),
+    [
+        ("open", "the ring is open: the drive ends"),
+        ("silent", "scans are missing for 10.0 s at 4.5 s while the car moved"),
+    ],
+)
+def test_a_broken_recording_is_refused_with_the_reason(flaw, reason):
+    verdict, _, _ = mapped(flaw)
+    assert not verdict.good
+    assert reason in "; ".join(verdict.reasons)

@@ -1,0 +1,76 @@
+"""Keyframes and the edges between them: what the scene tells, and what it hides."""
+
+import math
+
+import numpy as np
+import pytest
+
+from wallride.runtime.control.perception.geometry import bearings_rad, directions
+from wallride.sim.mapping.closing import laid_over
+from wallride.sim.mapping.keyframes import in_one_moment, keyframes
+from wallride.sim.mapping.lap_record import LapRecord
+from wallride.sim.mapping.odometry_path import LearntCar, LidarPath, odometry_path
+from wallride.sim.mapping.pose_graph import Origin, between
+from wallride.sim.world.worlds import load_world
+
+KIND = (math.radians(-135.0), math.radians(0.25), 1081)
+STEP_M = 0.3
+
+
+def frames_along(world_name, *, at_m=0.0, noise_m=0.01, seed=0):
+    """Return two keyframes STEP_M apart, taken standing."""
+    world, rng = load_world(world_name), np.random.default_rng(seed)
+    bearings = np.array(bearings_rad(*KIND))
+    ranges_m = [world.cast(x_m, 0.0, bearings) + rng.normal(0.0, noise_m, KIND[2]) for x_m in (at_m, at_m + STEP_M)]
+    record = LapRecord("two places", KIND, 0.0, np.array([0.0, 1.0]), np.array(ranges_m, dtype=np.float32))
+    path = LidarPath(record.scan_s, np.array([[0.0, 0.0, 0.0], [STEP_M, 0.0, 0.0]]))
+    return keyframes(record, path)
+
+
+@pytest.mark.parametrize("origin", [Origin.NEIGHBOUR, Origin.LOOP])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_corridor_hides_the_direction_along_it(origin, seed):
+    guess = np.array([STEP_M + 0.1, 0.05, 0.02])
+    edge = laid_over(frames_along("corridor", at_m=25.0, seed=seed), 0, 1, guess, KIND, origin)
+    assert not edge.full
+    assert edge.shift == pytest.approx([guess[0], 0.0, 0.0], abs=0.01)
+    along = edge.information[0, 0] / edge.information[1, 1]
+    assert along < 1e-3, "the noise of the normals invents information along the corridor"
+
+
+def test_a_corner_determines_all_directions():
+    guess = np.array([STEP_M + 0.1, 0.05, 0.02])
+    edge = laid_over(frames_along("loop"), 0, 1, guess, KIND, Origin.LOOP)
+    assert edge.full
+    assert edge.shift == pytest.approx([STEP_M, 0.0, 0.0], abs=0.005)
+    assert edge.share > 0.95
+
+
+def test_places_that_do_not_look_alike_have_no_edge():
+    here, there = frames_along("loop")[0], frames_along("u_turn", at_m=4.0)[0]
+    assert laid_over([here, there], 0, 1, np.zeros(3), KIND, Origin.LOOP) is None
+
+
+def test_points_are_put_where_a_standing_lidar_sees_them():
+    """A wall 2 m ahead, seen while the lidar drives at it and turns: each beam from a pose of its own."""
+    share = np.linspace(0.0, 1.0, KIND[2])
+    poses = np.column_stack([0.1 * share, 0.02 * share, 0.08 * share])
+    bearings = KIND[0] + KIND[1] * np.arange(KIND[2]) + poses[:, 2]
+    ranges_m = np.where(np.cos(bearings) > 0.1, (2.0 - poses[:, 0]) / np.cos(bearings), np.nan)
+    seen = in_one_moment(np.array(directions(*KIND)) * ranges_m, poses[-1], poses)
+    turned = np.cos(0.08) * seen[0] - np.sin(0.08) * seen[1] + 0.1
+    assert turned[np.isfinite(turned)] == pytest.approx(2.0)
+
+
+def test_a_gyro_with_a_bias_gives_the_circle_that_wrong_steering_hides():
+    time_s = np.arange(0.0, 10.0, 0.02)
+    speed_mps = np.where(time_s < 2.0, 0.0, 1.0)
+    way_m = np.cumsum(speed_mps) * 0.02
+    reports = np.column_stack([time_s, way_m, speed_mps, np.full(time_s.size, 0.3)])
+    gyro = np.column_stack([time_s, 0.5 * speed_mps + 0.02])
+    record = LapRecord("circle", KIND, 0.0, time_s, np.zeros((time_s.size, 1), np.float32), reports, gyro)
+    path = odometry_path(record, LearntCar(slip_s2pm=0.0))
+    yaw_rad = 0.5 * way_m[-1]
+    end = np.array([2.0 * math.sin(yaw_rad), 2.0 * (1.0 - math.cos(yaw_rad)), yaw_rad])
+    assert path.at(time_s[-1:])[0] == pytest.approx(end, abs=0.03)
+    assert between(path.poses[0], path.poses[50]) == pytest.approx(np.zeros(3), abs=1e-3)

@@ -1,0 +1,71 @@
+"""`wallride map` from the command line: a recording of wallride becomes a map that `wallride line` takes as it is."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.sim.replay.recorded import record
+from wallride import cli
+from wallride.sim.world.map_file import read_geometry
+
+FOLLOW = {"wall_follow": {"speed_mps": 4.0}}
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("laps")
+    record(folder / "lap.mcap", seconds=16.0, sections=FOLLOW)
+    record(folder / "piece.mcap", seconds=4.0, sections=FOLLOW)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_recorded_lap_becomes_a_map_and_the_map_a_line(recordings, here, capsys):
+    assert cli.main(["map", str(recordings / "lap.mcap"), "-o", "lab.yaml"]) == 0
+    said = capsys.readouterr().out
+    assert "by wheels and steering, without a gyro" in said
+    assert said.endswith("verdict: good\n")
+    assert sorted(file.name for file in here.iterdir()) == ["lab.path.csv", "lab.pgm", "lab.png", "lab.yaml"]
+    _, area_m2 = read_geometry(here / "lab.yaml")
+    assert area_m2 == pytest.approx(64.0, rel=0.06), "12 x 8 m less 8 x 4 m"
+    assert cli.main(["line", "lab.yaml", "--json", "-"]) == 0
+    line = json.loads(capsys.readouterr().out)
+    assert cli.main(["line", "loop", "--json", "-"]) == 0
+    assert line["lap_s"] == pytest.approx(json.loads(capsys.readouterr().out)["lap_s"], rel=0.03)
+
+
+def test_a_piece_of_a_lap_is_refused_unless_it_is_meant(recordings, here, capsys):
+    piece = str(recordings / "piece.mcap")
+    assert cli.main(["map", piece]) == 1
+    assert "verdict: refused: the ring is open: the drive ends" in capsys.readouterr().out
+    assert (here / "piece.png").stat().st_size > 10_000
+    assert cli.main(["map", piece, "--open", "--json", "-"]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["reasons"] == []
+    assert figures["residual_m"] < 0.01
+    rows = np.loadtxt(here / "piece.path.csv", delimiter=";")
+    assert np.hypot(*np.diff(rows[:, 1:3], axis=0).T).sum() == pytest.approx(figures["way_m"], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [(lambda path: path.write_bytes(b"no recording"), "none.mcap"), (lambda path: None, "none.mcap does not exist")],
+)
+def test_a_mistake_is_one_sentence(make, said, here, capsys):
+    make(here / "none.mcap")
+    assert cli.main(["map", "none.mcap"]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_a_car_that_stood_has_no_map(here, capsys):
+    record(here / "stood.mcap", seconds=1.0, sections={"operator": {"permit": "required"}})
+    assert cli.main(["map", "stood.mcap"]) == 2
+    assert "the car hardly moved" in capsys.readouterr().err
