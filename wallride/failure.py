@@ -91,7 +91,7 @@ def report(error: Exception, command: str, environment: Mapping[str, str] = os.e
     what = one_line(f"{type(error).__name__}: {error}", 300)
     say(
         f"wallride: {command} failed in a way that it did not expect ({what}). The details are {place};"
-        " please send them to who looks after wallride",
+        " please report them to wallride's maintainers",
         file=sys.stderr,
     )
     return UNEXPECTED

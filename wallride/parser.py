@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Never
 
-from wallride.failure import USAGE_ERROR
+from wallride.failure import USAGE_ERROR, fail_at_place, forget_output
 from wallride.runtime.host.terminal_text import one_line, say
 
 CHOICES = re.compile(r"invalid choice: '(?P<wrong>[^']*)' \(choose from (?P<choices>.*)\)", re.DOTALL)
@@ -53,6 +53,18 @@ class Parser(argparse.ArgumentParser):
             if text.startswith("--"):
                 self.error(f"unrecognized arguments: {text}{did_you_mean(text.partition('=')[0], self._options())}")
         return parsed, unknown
+
+    def _print_message(self, message: str, file: Any = None) -> None:  # noqa: ANN401 - as argparse has it
+        """Write, as argparse does for --help and --version, but tell of an output that cannot be written."""
+        out = sys.stderr if file is None else file
+        try:
+            out.write(message)
+            out.flush()
+        except BrokenPipeError:  # the reader has seen enough
+            forget_output()
+            raise SystemExit(0) from None
+        except OSError as error:
+            raise SystemExit(fail_at_place(error) or USAGE_ERROR) from None
 
     def _options(self) -> list[str]:
         return OPTION.findall(self.format_help())

@@ -48,9 +48,12 @@ def typed(line, folder):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("command", ["check", "logs", "import --car f1tenth", "doctor --only joystick"])
-def test_a_full_disk_behind_the_output_is_a_sentence(command, tmp_path):
-    answer = typed(f"$PYTHON -m wallride {command} > /dev/full", tmp_path)
+@pytest.mark.parametrize(
+    "command", ["check", "logs", "import --car f1tenth", "doctor --only joystick", "sim --help", "--version"]
+)
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_full_disk_behind_the_output_is_a_sentence(command, unbuffered, tmp_path):
+    answer = typed(f"PYTHONUNBUFFERED={unbuffered} $PYTHON -m wallride {command} > /dev/full", tmp_path)
     assert answer.returncode == 2
     assert answer.stderr.splitlines()[-1] == (
         "wallride: the output cannot be written: No space left on device; make room, or write it elsewhere"
