@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -36,7 +35,6 @@ from wallride.runtime.live_stack import warm_up
 from wallride.runtime.own_drivers.driver_class import loaded_driver_files
 from wallride.runtime.own_drivers.lidar import OwnLidar
 from wallride.runtime.own_drivers.motor import OwnMotor
-from wallride.runtime.realtime import prefetch
 from wallride.runtime.realtime.cpu_latency import awake
 from wallride.runtime.realtime.scan_phase import ScanPhase
 from wallride.runtime.realtime.selector import CheckedSelector
@@ -130,8 +128,7 @@ def main(
         log.info("%s", scheduling)
         for warning in warnings:
             log.warning("%s", warning)
-        compiled = kernel.state()
-        log.info("%s", compiled.words)
+        log.info("%s", kernel.state().words)
         with awake(wanted=settings.process.stay_awake) as words:
             log.info("%s", words)
             motors: list[BrakingMotor] = []
@@ -141,7 +138,7 @@ def main(
                 asyncio.Runner(loop_factory=PunctualLoop) as runner,
                 braking_last(motors),
             ):
-                runner.run(_drive(settings, files, sessions, compiled, motors.append, joystick))
+                runner.run(_drive(settings, files, sessions, motors.append, joystick))
 
 
 @contextmanager
@@ -208,8 +205,8 @@ class PunctualLoop(asyncio.SelectorEventLoop):
 
 
 async def _drive(
-    settings: Settings, files: Files, sessions: Sessions, compiled: kernel.Kernel,
-    fitted: Callable[[BrakingMotor], None], joystick: LocalOperator | None,
+    settings: Settings, files: Files, sessions: Sessions, fitted: Callable[[BrakingMotor], None],
+    joystick: LocalOperator | None,
 ) -> None:  # fmt: skip
     stop, asked = asyncio.Event(), asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -222,15 +219,8 @@ async def _drive(
     clock = time.monotonic
     uplinks = [Uplink(router, settings.car.name) for router in sessions.routers]
     bus = _bus(sessions.own, uplinks, any_port=settings.telemetry.any_port)
-    scan_phase, lines = ScanPhase(), prefetch.NOTHING
-    fetch = compiled.prefetch if settings.process.prefetch else None
-
-    def replied(took_s: float) -> None:
-        scan_phase.replied(took_s)
-        if fetch is not None and scan_phase.expects(clock()):
-            fetch(lines)  # the last step before the scan
-
-    motor, lidar = _devices(settings, clock, scan_phase, replied)
+    scan_phase = ScanPhase()
+    motor, lidar = _devices(settings, clock, scan_phase)
     fitted(motor)
     around = CarSurroundings(
         files.saved,
@@ -249,8 +239,6 @@ async def _drive(
         parameters.read_history(car.history, history)
     opening = asyncio.create_task(_open(car, bus, stop, files.address), name="bus")
     warm_up(settings, clock)
-    if fetch is not None:  # once more: the first answer runs code that no later one needs
-        lines = np.concatenate([prefetch.learn(partial(warm_up, settings, clock), car), compiled.code()])
     gc.collect()
     gc.freeze()  # a full collection would block the loop for milliseconds; the objects present now stay anyway
     await _hold(opening, asked)
@@ -271,9 +259,9 @@ async def _drive(
 
 
 def _devices(
-    settings: Settings, clock: Clock, scan_phase: ScanPhase, replied: Callable[[float], None]
+    settings: Settings, clock: Clock, scan_phase: ScanPhase
 ) -> tuple[Vesc | OwnMotor, Hokuyo | TurningLidar | OwnLidar]:
-    motor = motor_for(settings.motor, clock=clock, clear_s=scan_phase.clear_s, replied=replied)
+    motor = motor_for(settings.motor, clock=clock, clear_s=scan_phase.clear_s, replied=scan_phase.replied)
     motion = motion_of(settings.car, lambda: motor.state)
     return motor, lidar_for(settings.lidar, clock=clock, clear_s=scan_phase.clear_s, motion=motion)
 

@@ -82,8 +82,7 @@ class LiveStack:
 def warm_up(settings: Settings, clock: Clock) -> None:
     """Answer synthetic scans by a stack of its own, and judge a drive backwards and an emergency.
 
-    The first calls of numpy and of Python's own code are slower than all later ones; and what runs here is the code
-    that `prefetch` learns.
+    The first calls of numpy and of Python's own code are slower than all later ones.
     """
     stack, step_rad, beams = LiveStack(settings, DecisionLog(clock, 0)), math.radians(0.25), 1081
     stack.queue.put(consent(Source.PERMIT, "a synthetic scan"))

@@ -102,7 +102,6 @@ KERNEL(find_dirt);
 KERNEL(find_near_places);
 KERNEL(places_behind);
 KERNEL(watch_sectors);
-KERNEL(prefetch);
 KERNEL(over);
 KERNEL(set_constant);
 KERNEL(cast_cells);

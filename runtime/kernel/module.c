@@ -95,7 +95,7 @@ static PyMethodDef functions[] = {
     ENTRY(fit_wall_line), ENTRY(find_followed_wall), ENTRY(roll_ball), ENTRY(drive_along_ball), ENTRY(split_scan),
     ENTRY(predict_motion), ENTRY(predict_wall), ENTRY(correct_wall), ENTRY(dead_reckon), ENTRY(weigh_dirt),
     ENTRY(find_dirt), ENTRY(find_near_places), ENTRY(watch_sectors), ENTRY(roll_out_all), ENTRY(places_behind),
-    ENTRY(learn_noise_m), ENTRY(prefetch), ENTRY(over), ENTRY(set_constant),
+    ENTRY(learn_noise_m), ENTRY(over), ENTRY(set_constant),
     ENTRY(cast_cells), ENTRY(cast_walls),
     {NULL, NULL, 0, NULL},
 };
@@ -114,16 +114,6 @@ KERNEL(set_constant) {
         if (kernel_wholes[slot] == -1 && PyErr_Occurred())
             return NULL;
     }
-    Py_RETURN_NONE;
-}
-
-/* prefetch(addresses): a hint, of which no address can be wrong. Not a twin: Python has nothing like it. */
-KERNEL(prefetch) {
-    struct row lines;
-    if (!enough(count, 1, "prefetch") || !as_row(given[0], NPY_INTP, &lines))
-        return NULL;
-    for (beam i = 0; i < lines.count; i++)
-        __builtin_prefetch((const void *)INDEX(lines, i));
     Py_RETURN_NONE;
 }
 

@@ -1,1 +1,1 @@
-"""Timing: the phase of the scans, periodic calls, garbage collection, CPU latency, prefetch, stage timing."""
+"""Timing: the phase of the scans, periodic calls, garbage collection, CPU latency, stage timing."""

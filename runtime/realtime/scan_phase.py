@@ -63,10 +63,6 @@ class ScanPhase:
         """Return the time of the scan after the newest; NaN without an estimate."""
         return self._beat_s + self.period_s
 
-    def expects(self, now_s: float) -> bool:
-        """Tell whether a scan is due shortly."""
-        return now_s < self._due_s(now_s) < now_s + MAX_BEFORE_S  # NaN: no
-
     def _keep_time(self, now_s: float) -> None:
         """Correct the phase by a part of the arrival's error; restart after two large errors."""
         self._beat_s = self._due_s(now_s)

@@ -56,6 +56,8 @@ _TAGS = TAGS | DRIVER_TAGS
 
 
 MAX_FILE_B = 1_000_000
+GONE = frozenset({"process.prefetch"})
+"""Settings that older files may hold, and that have no effect any more."""
 
 
 class SettingsError(Exception):
@@ -109,8 +111,6 @@ class ProcessSettings(Section):
     laws_folder: str = ""
     """Folder of your own laws, looked into after the working directory, the settings file's, and `laws` beside it."""
 
-    prefetch: bool = True
-    """Have the processor fetch what an answer needs shortly before each scan, by a list that is made at the start."""
     stay_awake: bool = True
     """Keep the processor out of deep idle states between scans: shorter latency, a little more power."""
 
@@ -297,6 +297,8 @@ def _sentence(error: Mapping[str, Any], tree: Mapping[str, Any]) -> str:
     """Format one pydantic error: key, problem, remedy."""
     path = [part for part in error["loc"] if part not in _TAGS]
     key = ".".join(str(part) for part in path)
+    if key in GONE:
+        return f"{key} is not a setting any more; delete it"
     if error["type"] == "extra_forbidden":
         known = _known_keys(error["loc"][:-1], tree)
         near = difflib.get_close_matches(str(path[-1]), known, 1)

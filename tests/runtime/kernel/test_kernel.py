@@ -1,18 +1,16 @@
 """The C functions refuse wrong arguments, are of the C and the Python that is here, and give way to an edited law."""
 
-import ctypes
 import os
 import shutil
 import subprocess
 import sys
 import sysconfig
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from wallride.drivers import accelerated
-from wallride.drivers.accelerated import FUNCTIONS, ROOT, UnfitError, extension
+from wallride.drivers.accelerated import FUNCTIONS, ROOT
 from wallride.runtime import kernel
 from wallride.runtime.kernel.build import FILE, BuildError, _headers, build
 from wallride.runtime.kernel.survey import Survey, c_digest, read_seal
@@ -251,7 +249,6 @@ def test_the_c_has_no_warnings(tmp_path):
 def test_the_state_names_every_function_that_runs_in_python(compiled):
     state = kernel.state()
     assert state.in_python == dict.fromkeys(FUNCTIONS, "WALLRIDE_COMPILED=0")
-    assert state.prefetch is None
 
 
 def test_each_function_is_in_the_file_of_its_modules_name():
@@ -260,23 +257,6 @@ def test_each_function_is_in_the_file_of_its_modules_name():
         of_the_car = f"runtime/kernel/{package}/{module}.c"
         text = (ROOT / ("sim/world/casting.c" if package == "world" else of_the_car)).read_text()
         assert f"KERNEL({function})" in text
-
-
-def test_the_lines_of_the_compiled_functions_are_those_of_their_file():
-    try:
-        path = str(extension().__file__)
-    except UnfitError as reason:
-        pytest.skip(str(reason))
-    function = ctypes.cast(ctypes.PyDLL(path).PyInit__accelerated, ctypes.c_void_p).value or 0
-    lines = set(kernel.Kernel("", path=path).code().tolist())
-    assert function // kernel.LINE_BYTES * kernel.LINE_BYTES in lines
-    assert len(lines) < 2 * Path(path).stat().st_size / kernel.LINE_BYTES
-    assert not kernel.Kernel("").code().size
-
-
-def test_without_a_list_of_mappings_no_lines_are_known(monkeypatch, tmp_path):
-    monkeypatch.setattr(kernel, "MAPPINGS", tmp_path / "none")
-    assert not kernel.Kernel("", path="/lib.so").code().size
 
 
 def test_a_function_needs_a_name_of_its_own():

@@ -143,12 +143,3 @@ def test_a_motor_that_hardly_replies_is_not_waited_for():
     scan_phase = steady()
     scan_phase.replied(0.019)
     assert scan_phase.before_s == MAX_BEFORE_S
-
-
-def test_a_scan_is_expected_just_before_it_is_due():
-    scan_phase = steady()
-    due_s = scan_phase.next_s
-    assert scan_phase.expects(due_s - 0.001)
-    assert not scan_phase.expects(due_s + 0.001)
-    assert not scan_phase.expects(due_s - 0.010)
-    assert not ScanPhase().expects(1.0), "nothing is expected without a beat"

@@ -150,6 +150,13 @@ def test_gains_left_in_the_file_of_an_own_law_are_told_with_the_remedy(tmp_path,
         load_settings(file)
 
 
+def test_a_setting_that_is_gone_is_named_with_the_remedy(tmp_path):
+    file = tmp_path / "car.toml"
+    file.write_text("[process]\nprefetch = true\n")
+    with pytest.raises(SettingsError, match=r"car\.toml: process\.prefetch is not a setting any more; delete it$"):
+        load_settings(file)
+
+
 def test_a_file_without_an_end_is_refused_and_not_read_for_ever():
     with pytest.raises(SettingsError, match=r"^/dev/zero: is not a settings file: it is longer than 1 MB$"):
         load_settings(Path("/dev/zero"))
