@@ -86,11 +86,6 @@ class RplidarDevice:
         """Return the speed of the head."""
         return self.model.turns_hz
 
-    @property
-    def baud(self) -> int:
-        """Return the speed of the line."""
-        return self.model.baud
-
     def power_on(self) -> None:
         """Begin as after power-on."""
         self.streaming, self._line = False, b""

@@ -1,22 +1,18 @@
 """Emulated lidar of a full circle (RPLIDAR, YDLIDAR): real bytes over a pseudo-terminal or TCP, with faults to inject.
 
-The protocols are in `rplidar` and `ydlidar`, the ports in `scip_port`; this is the head that turns.
+The protocols are in `rplidar` and `ydlidar`, the port in `sensor_port`; this is the head that turns.
 """
 
-import asyncio
-import random
 import time
-from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Final, Protocol
+from typing import ClassVar, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from wallride.drivers.api import Clock
-from wallride.sim.devices.scip_port import BytePort, SerialDoor, TcpPort
+from wallride.sim.devices.sensor_port import SensorPort
 
 Millimetres = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
@@ -32,8 +28,6 @@ class Rays:
 
 See = Callable[[Rays], Millimetres]
 """Measures: rays of the sensor to their lengths; 0 or SCIP's 65533 for no return."""
-_GARBAGE_BYTES: Final = 60
-_HELD_FRAMES: Final = 4000
 _NOWHERE: Final = 65000
 """Distances from here on are SCIP's "no return"."""
 
@@ -56,11 +50,6 @@ class TurningDevice(Protocol):
     @property
     def turns_hz(self) -> float:
         """Return the speed of the head."""
-        ...
-
-    @property
-    def baud(self) -> int:
-        """Return the speed of the line."""
         ...
 
     def power_on(self) -> None:
@@ -137,53 +126,23 @@ class TurningHead:
         return mm
 
 
-class TurningEmulator(TurningHead):
+class TurningEmulator(TurningHead, SensorPort):
     """Emulates one sensor with one client. Its owner calls `advance` often, and `close` at the end.
 
-    Faults to set at any time (None or False: off):
-        silence: what comes is lost and nothing is sent (a pulled cable).
-        bad_checksum_every: every n-th frame has one byte changed.
-        garbage_every: random bytes before every n-th frame.
-        late_s: all frames leave so much later, in order (a slow bridge).
-        checks_baud: a serial client at another speed hears nothing.
-        those of its head; see TurningHead.
-    counts: "frames", "dropped" (the client did not read), "client".
+    Faults to set at any time: those of its head and of its port, see `TurningHead` and `SensorPort`.
     """
 
+    held_frames: ClassVar = 4000
+    garbage_bytes: ClassVar = 60
+
     def __init__(self, device: TurningDevice, *, clock: Clock = time.monotonic, seed: int = 1) -> None:
-        super().__init__(device)
-        self.silence = self.checks_baud = False
-        self.bad_checksum_every: int | None = None
-        self.garbage_every: int | None = None
-        self.late_s = 0.0
-        self.counts: Counter[str] = Counter()
-        self._clock = clock
-        self._random = random.Random(seed)
-        self._port: BytePort | None = None
-        self._tcp: TcpPort | None = None
-        self._serial: SerialDoor | None = None
-        self._held: deque[bytes] | None = None
-        self._late: deque[tuple[float, bytes]] = deque()
+        TurningHead.__init__(self, device)
+        SensorPort.__init__(self, clock, seed)
 
     @property
     def streaming(self) -> bool:
         """Return whether a client requested samples and is still connected."""
         return self._port is not None and self.device.streaming
-
-    @property
-    def connected(self) -> bool:
-        """Return whether there is a client; always true on a serial port that is plugged in."""
-        return self._port is not None
-
-    async def start_tcp(self, host: str = "127.0.0.1", port: int = 0) -> int:
-        """Listen; return the port (a free one for 0)."""
-        self._tcp = TcpPort(self._welcome, lambda: self._port is not None)
-        return self._tcp.open(host, port)
-
-    def start_serial(self, link: Path) -> None:
-        """Appear as a serial port under the name `link`."""
-        self._serial = SerialDoor(link)
-        self.replug()
 
     def advance(self, now_s: float, see: See) -> float | None:
         """Turn the head to a time, and send what it measured meanwhile.
@@ -195,105 +154,8 @@ class TurningEmulator(TurningHead):
             sent_s = self._emit(self._spoil(frame)) or sent_s
         return sent_s
 
-    def disconnect(self) -> None:
-        """Disconnect the client."""
-        if self._tcp is not None:
-            self._farewell()
-            self._tcp.drop()
+    def _answers(self, chunk: bytes) -> list[bytes]:
+        return self.device.feed(chunk)
 
-    def refuse(self) -> None:
-        """Stop listening; a connected client stays."""
-        if self._tcp is not None:
-            self._tcp.shut()
-
-    def listen_again(self) -> None:
-        """Undo `refuse`, on the same port."""
-        if self._tcp is not None:
-            self._tcp.reopen()
-
-    def stall(self) -> None:
-        """Hold frames back until `release`, as a busy computer does."""
-        self._held = self._held or deque(maxlen=_HELD_FRAMES)
-
-    def release(self) -> float | None:
-        """Deliver the withheld frames in one burst."""
-        held, self._held = self._held or (), None
-        return self._send(b"".join(held)) if held else None
-
-    def unplug(self) -> None:
-        """Remove the serial port."""
-        if self._serial is not None:
-            self._farewell()
-            self._serial.unplug()
-
-    def replug(self) -> None:
-        """Restore the serial port, freshly powered."""
-        if self._serial is not None:
-            self.unplug()
-            self.device.power_on()
-            self._welcome(self._serial.plug())
-
-    def close(self) -> None:
-        """Close all descriptors."""
-        self.refuse()
-        self.disconnect()
-        self.unplug()
-
-    def _welcome(self, fd: int) -> None:
-        self._farewell()
-        self.counts["client"] += 1
-        self._port = BytePort(fd, self._on_bytes, self._on_gone)
-
-    def _farewell(self) -> None:
-        """Forget the client. The stream goes on: a sensor on a serial line does not know who listens."""
-        if self._port is not None:
-            self._port.close()
-            self._port = None
-            self._late.clear()
-
-    def _on_gone(self) -> None:
-        self.disconnect()
-        self.unplug()
-
-    def _on_bytes(self, chunk: bytes) -> None:
-        if self._serial is not None:
-            self._serial.allow_reopening()
-        if self.silence or not self._is_understood():
-            return
-        for reply in self.device.feed(chunk):
-            self._send(reply)
-
-    def _is_understood(self) -> bool:
-        return self._serial is None or not self.checks_baud or self._serial.baud() == self.device.baud
-
-    def _spoil(self, frame: bytes) -> bytes:
-        self.counts["frames"] += 1
-        number = self.counts["frames"]
-        if self.bad_checksum_every and number % self.bad_checksum_every == 0:
-            at = len(frame) // 2
-            frame = frame[:at] + bytes([frame[at] ^ 1]) + frame[at + 1 :]
-        if self.garbage_every and number % self.garbage_every == 0:
-            frame = self._random.randbytes(_GARBAGE_BYTES) + frame
-        return frame
-
-    def _emit(self, frame: bytes) -> float | None:
-        if self._held is not None:
-            self._held.append(frame)
-            return None
-        return self._send(frame, may_wait=False)
-
-    def _send(self, data: bytes, *, may_wait: bool = True) -> float | None:
-        if self._port is None or self.silence or not self._is_understood():
-            return None
-        if self._port.busy and not may_wait:
-            self.counts["dropped"] += 1
-            return None
-        if self.late_s or self._late:
-            self._late.append((self._clock() + self.late_s, data))
-            asyncio.get_running_loop().call_later(self.late_s, self._send_late)
-            return None
-        return self._clock() if self._port.send(data) else None
-
-    def _send_late(self) -> None:
-        while self._late and self._late[0][0] <= self._clock() + 1e-6 and self._port is not None:
-            self._port.send(self._late.popleft()[1])
+    def _power_on(self) -> None:
+        self.device.power_on()

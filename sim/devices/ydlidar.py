@@ -69,11 +69,6 @@ class YdlidarDevice:
         """Return the speed of the head."""
         return self.model.turns_hz
 
-    @property
-    def baud(self) -> int:
-        """Return the speed of the line."""
-        return self.model.baud
-
     def power_on(self) -> None:
         """Begin as after power-on."""
         self.streaming, self._line, self._held = self.model.one_way, b"", []

@@ -12,10 +12,10 @@ from wallride.drivers.api import LinkState, Scan
 from wallride.drivers.turning.grid import Motion
 from wallride.sim.devices import rplidar, ydlidar
 from wallride.sim.devices.rplidar import RplidarDevice
-from wallride.sim.devices.turning import TurningDevice, TurningEmulator
+from wallride.sim.devices.turning import TurningEmulator
 from wallride.sim.devices.ydlidar import YdlidarDevice
 
-SENSORS: dict[str, Callable[[], TurningDevice]] = {
+SENSORS: dict[str, Callable[[], RplidarDevice | YdlidarDevice]] = {
     "a1": lambda: RplidarDevice(rplidar.A1),
     "a1 old": lambda: RplidarDevice(rplidar.A1_OLD),
     "a1 oldest": lambda: RplidarDevice(rplidar.A1_OLDEST),
@@ -47,8 +47,9 @@ def assert_true(scan: Scan) -> None:
 
 @pytest.mark.parametrize("name", SENSORS)
 async def test_every_sensor_is_found_at_its_speed_and_shows_the_room(plugged, name):
-    emulator = sensor(name)
-    emulator.checks_baud = True
+    device = SENSORS[name]()
+    emulator = TurningEmulator(device)
+    emulator.baud = device.model.baud
     rig: Rig = await plugged(emulator)
     scans = await rig.more_scans(6)
     for scan in scans:
