@@ -1,54 +1,33 @@
 """A Hokuyo lidar with a self-maintained connection: connect, identify, stream, monitor, restart, reconnect."""
 
-import asyncio
 import contextlib
-import logging
 import math
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable
 from typing import Final, Never
 
-from wallride.drivers.address import Address, SerialAddress, parse_address
-from wallride.drivers.api import (
-    Clock,
-    DriverError,
-    Health,
-    LinkLost,
-    LinkState,
-    ProtocolError,
-    Reschedule,
-    Scan,
-    as_wanted,
-)
+from wallride.drivers.api import Clock, DriverError, LinkLost, LinkState, ProtocolError, Reschedule, Scan, as_wanted
 from wallride.drivers.hokuyo.codec import command
 from wallride.drivers.hokuyo.conversation import Conversation, SensorIdentity, identify, quieten, read_clock
 from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.drivers.hokuyo.stream import UNSTABLE_WARN, ScanStream, Sequence
 from wallride.drivers.hokuyo.timing import ClockReading, StampGate
-from wallride.drivers.link import Tap, open_link, until_lost
+from wallride.drivers.lidar import LATE_SAID_S, ConnectedLidar
+from wallride.drivers.link import ByteLink, until_lost
 
-_log = logging.getLogger(__name__)
-
-RETRY_DELAYS_S: Final = (0.1, 0.5, 1.0, 2.0)
-"""Delays of the reconnection attempts. The first is short because most losses are a restart; the last one repeats."""
 USUAL_BAUDS: Final = (115200, 19200, 38400, 57600)
 FIRST_SCAN_TIMEOUT_S: Final = 1.5
 REBOOT_PAUSE_S: Final = 20.0
 SETTLING_SCANS: Final = 2
 """Number of scans skipped after a restart of the stream of a sensor that does not tell its time: the first sets the
 clock, and may have waited; the third that fits it is delivered."""
-LATE_SAID_S: Final = 0.05
-"""Delay from which a status says that the scans come late."""
 LATE_CHANGED_S, LATE_CHANGED = 0.03, 0.3
 PROMPT_LINK_S: Final = 0.1
 """Round trip of a link on which a request for the time is not answered because the sensor does not know it."""
-_WATCH_PERIOD_S: Final = 0.1
-_WATCH_SLACK_S: Final = 0.02
 _FAREWELL_TIMEOUT_S: Final = 0.2
 
 
-class Hokuyo:
+class Hokuyo(ConnectedLidar[Conversation]):
     """A `Lidar` (see wallride.drivers.api) with SCIP 2.x at a TCP or serial address.
 
     clear_s: moves the checks of the stream to a better moment.
@@ -57,90 +36,27 @@ class Hokuyo:
     def __init__(
         self, settings: HokuyoSettings, *, clock: Clock = time.monotonic, clear_s: Reschedule = as_wanted
     ) -> None:
+        super().__init__(settings, USUAL_BAUDS, clock, clear_s)
         self._settings = settings
-        self._clock = clock
-        self._clear_s = clear_s
-        self._health = Health()
         self._sequence = Sequence()
         self._gate = StampGate(settings.stale_after_s, self._health.count)
-        self._address = parse_address(settings.address)
-        self._logged = self._health.link
-        self._failures = 0
         self._last_reset_s: float | None = None
         self._last_reboot_s: float | None = None
         self._has_streamed = False
-        self._talk: Conversation | None = None
         self._timeless: set[str] = set()  # identities that do not tell their time
         self._late_s = 0.0
-        self.tap: Tap | None = None
 
-    @property
-    def health(self) -> Health:
-        """Its present condition."""
-        return self._health
-
-    @property
-    def reading_s(self) -> float:
-        """Duration of the newest bytes' read from the kernel."""
-        return self._talk.link.reading_s if self._talk is not None else 0.0
-
-    async def run(self, on_scan: Callable[[Scan], None]) -> Never:
-        """Deliver scans without end; see `Lidar` in wallride.drivers.api. Raises only for a bug, or by `on_scan`."""
-        while True:
-            try:
-                await self._serve(on_scan)
-            except DriverError as trouble:
-                self._say(LinkState.FAULTY if isinstance(trouble, ProtocolError) else LinkState.ABSENT, str(trouble))
-            delay_s = RETRY_DELAYS_S[min(self._failures, len(RETRY_DELAYS_S) - 1)]
-            self._failures += 1
-            await asyncio.sleep(delay_s)
-            self._health.count("reconnect")
-
-    async def _serve(self, on_scan: Callable[[Scan], None]) -> Never:
-        """Use one connection until it is lost."""
-        self._talk = talk = await self._reach()
-        try:
-            await until_lost(talk.link, self._measure(talk, on_scan))
-        except asyncio.CancelledError:
-            await self._say_goodbye(talk)
-            raise
-        finally:
-            talk.link.close()
-        raise AssertionError("unreachable: measuring never ends by itself")
-
-    async def _reach(self) -> Conversation:
-        """Open the link and quieten the sensor; on a serial port try the usual baud rates, the last good one first."""
-        silence: LinkLost | None = None
-        for address in self._candidates():
-            link = await open_link(address, self._clock)
-            link.tap = self.tap
-            talk = Conversation(link, self._on_bad_block)
-            try:
-                await until_lost(link, quieten(talk))
-            except LinkLost as error:
-                link.close()
-                silence = silence or error
-            except BaseException:
-                link.close()
-                raise
-            else:
-                self._address = address
-                return talk
-        raise silence or LinkLost(f"{self._address}: no speed to try")
-
-    def _candidates(self) -> Iterator[Address]:
-        yield self._address
-        if isinstance(self._address, SerialAddress):
-            address = self._address
-            yield from (replace(address, baud=baud) for baud in USUAL_BAUDS if baud != address.baud)
+    async def _meet(self, link: ByteLink) -> Conversation:
+        talk = Conversation(link, self._on_bad_block)
+        await quieten(talk)
+        return talk
 
     async def _measure(self, talk: Conversation, on_scan: Callable[[Scan], None]) -> Never:
-        """Stream, and restart the stream as long as a restart brings scans."""
         while True:
             self._say(LinkState.STARTING, f"{talk.link.address}: asking the sensor who it is{self._lateness}")
             talk.quickest_s = math.inf  # the link may be another since the last start
             identity = await identify(talk)
-            self._meet(identity)
+            self._note(identity.name)
             if unfit := identity.parameters.unfit:
                 raise ProtocolError(f"{talk.link.address}: this {identity.parameters.model} {unfit}")
             stream, started_s = await self._start_stream(talk, identity, on_scan)
@@ -193,10 +109,9 @@ class Hokuyo:
     async def _watch(self, stream: ScanStream, identity: SensorIdentity, started_s: float) -> str:
         """Check the stream ten times a second; return the reason for a restart."""
         model = identity.parameters.model
-        next_s = self._clock() // _WATCH_PERIOD_S * _WATCH_PERIOD_S  # together with other timers
+        next_s = self._watch_begin_s()
         while not stream.trouble:
-            next_s = self._clear_s(max(next_s + _WATCH_PERIOD_S, self._clock()), _WATCH_SLACK_S)
-            await asyncio.sleep(next_s - self._clock())
+            next_s = await self._next_watch(next_s)
             now_s = self._clock()
             self._note_lateness()
             if why := self._why_restart(stream, now_s, started_s):
@@ -276,23 +191,6 @@ class Hokuyo:
     async def _farewell(self, talk: Conversation) -> None:
         await talk.ask(command("QT"), timeout_s=_FAREWELL_TIMEOUT_S)
 
-    def _meet(self, identity: SensorIdentity) -> None:
-        if self._health.identity not in {"", identity.name}:
-            self._health.count("another sensor")
-        self._health.identity = identity.name
-
     def _on_bad_block(self, what: str) -> None:
         self._sequence.take()
         self._health.count(what)
-
-    def _say(self, link: LinkState, message: str) -> None:
-        self._health.link = link
-        self._health.message = message
-        self._log_changes()
-
-    def _log_changes(self) -> None:
-        """Log each change of state once; READY is set by the stream, which must not log."""
-        if self._health.link is not self._logged:
-            self._logged = self._health.link
-            level = logging.INFO if self._logged in {LinkState.READY, LinkState.STARTING} else logging.WARNING
-            _log.log(level, "lidar %s: %s", self._logged, self._health.message)

@@ -134,11 +134,11 @@ async def _deliver(ranges_m: npt.NDArray[np.float32], late_s: Callable[[float], 
         found.gap_s = max(found.gap_s, 0.0 if math.isnan(last_s) else clock() - last_s)
         last_s = clock()
 
-    async def open_link(address: Any, clock: Any) -> ByteLink:
+    async def open_link(address: Any, clock: Any, **_: Any) -> ByteLink:
         ours = scip.connect()
         return ByteLink(address, ours.fileno(), lambda _lost: ours.close(), clock)
 
-    with mock.patch("wallride.drivers.hokuyo.driver.open_link", open_link):
+    with mock.patch("wallride.drivers.lidar.open_link", open_link):
         lidar = Hokuyo(HokuyoSettings(address="tcp://127.0.0.1:1"), clock=clock)
         running = asyncio.get_running_loop().create_task(lidar.run(on_scan))
         for number, row_m in enumerate(ranges_m):
@@ -192,7 +192,7 @@ class _Stage:
             end = scip.connect()
             return ByteLink(address, end.fileno(), lambda _lost: end.close(), clock)
 
-        with mock.patch("wallride.drivers.hokuyo.driver.open_link", open_link):
+        with mock.patch("wallride.drivers.lidar.open_link", open_link):
             assert isinstance(settings.lidar, HokuyoSettings)
             self._lidar = Hokuyo(settings.lidar, clock=clock)
             self._car = Car(settings, self._lidar, WorldMotor(twin, clock), MemoryBus(clock, listened_to=False), clock)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tests.drivers.hokuyo.rig import LIMIT_S, MakeRig, Rig, stop
+from wallride.drivers import lidar
 from wallride.drivers.address import SerialAddress
 from wallride.drivers.api import Clock, LinkState
-from wallride.drivers.hokuyo import driver
 from wallride.drivers.link import ByteLink, open_link
 from wallride.sim.devices.scip import ScipEmulator
 from wallride.sim.devices.scip_encode import URG_04LX, UTM_30LX
@@ -38,7 +38,7 @@ async def test_a_sensor_that_does_not_answer_is_reconnected_for_as_long_as_it_ta
 
 async def test_every_dropped_connection_is_opened_again_at_once(tcp: MakeRig, monkeypatch: pytest.MonkeyPatch) -> None:
     """After a second attempt without a scan between it would wait longer than the test's patience."""
-    monkeypatch.setattr(driver, "RETRY_DELAYS_S", (0.05, 10 * LIMIT_S))
+    monkeypatch.setattr(lidar, "RETRY_DELAYS_S", (0.05, 10 * LIMIT_S))
     rig = await tcp(ScipEmulator())
     await rig.ready()
     await rig.scan()
@@ -91,11 +91,11 @@ async def test_the_speed_of_a_serial_sensor_is_found(tmp_path: Path, monkeypatch
     await rig.until(lambda: rig.counts.get("reconnect", 0) >= 1)
     tried: list[int] = []
 
-    def opened(address: SerialAddress, clock: Clock) -> Awaitable[ByteLink]:
+    def opened(address: SerialAddress, clock: Clock, *, dtr: bool) -> Awaitable[ByteLink]:
         tried.append(address.baud)
-        return open_link(address, clock)
+        return open_link(address, clock, dtr=dtr)
 
-    monkeypatch.setattr(driver, "open_link", opened)
+    monkeypatch.setattr(lidar, "open_link", opened)
     emulator.replug()
     await rig.lost_and_found()
     assert set(tried) == {19200}, "the speed that was found is tried first, and is enough"

@@ -164,7 +164,7 @@ class _Overheard:
 @contextmanager
 def _memory_ports(lidar: MemoryLidar, vesc: MemoryVesc):
     def opener(connect: Callable[[], Any]) -> Any:
-        async def open_link(address: Any, clock: Any) -> ByteLink:
+        async def open_link(address: Any, clock: Any, **_: Any) -> ByteLink:
             end = connect()
             return ByteLink(address, end.fileno(), lambda _lost: end.close(), clock)
 
@@ -172,7 +172,7 @@ def _memory_ports(lidar: MemoryLidar, vesc: MemoryVesc):
 
     with ExitStack() as stack:
         for module, connect in (
-            ("wallride.drivers.hokuyo.driver", lidar.connect),
+            ("wallride.drivers.lidar", lidar.connect),
             ("wallride.drivers.vesc.driver", vesc.connect),
         ):
             stack.enter_context(mock.patch(f"{module}.open_link", opener(connect)))
