@@ -87,12 +87,9 @@ def accelerated(
     return _resolved(Accelerated(python))
 
 
-def accelerable(**also: object) -> Callable[[Callable[P, R]], Callable[P, R]]:  # noqa: ARG001 - the seal reads it
-    """Mark a function that has an equivalent in C, and leave the choice to its caller: `Accelerated(...).compiled()`.
-
-    also: other ways in Python to the same result, by any name; the seal covers them, too.
-    """
-    return lambda python: python
+def accelerable(python: Callable[P, R]) -> Callable[P, R]:
+    """Mark a function with an equivalent in C, and leave the choice to its caller: `Accelerated(...).compiled()`."""
+    return python
 
 
 def _resolved(one: Accelerated) -> Callable[..., Any]:

@@ -170,7 +170,7 @@ static void to_walls(const struct walls *walls, const struct beams *beams)
         for (int64_t i = 0; i < walls->straight_count; i++) {
             const double *wall = walls->straight + 5 * i;
             const double x = wall[0], y = wall[1], ex = wall[2], ey = wall[3], half = wall[4];
-            const double reach = half + SEGMENTS_END_SLACK_M, edge_on = FAN_CAST_EDGE_ON;
+            const double reach = half + SEGMENTS_END_SLACK_M, edge_on = SEGMENTS_EDGE_ON;
             double away[LANES], facing[LANES];
             int32_t meets[LANES], any = 0;
             EACH_LANE {

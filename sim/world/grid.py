@@ -1,13 +1,11 @@
 """Walls as the solid cells of a map: exact ray casts to the cells' edges, exact distances to the car's outline.
 
 Marching along a distance transform, the usual way, stops somewhere within a cell of the wall and reads about half a
-cell (25 mm) too near or too far. Here every beam ends exactly on the edge of the first solid cell, in one of three
-ways that agree to rounding: the compiled `casting.c` where available; else `FanCast` for an even fan from one
-place, which is a stationary lidar; else `FreeRectangles`, any beams from anywhere.
+cell (25 mm) too near or too far. Here every beam ends exactly on the edge of the first solid cell, in one of two ways
+that agree to rounding: the compiled `casting.c` where available, else `FreeRectangles`.
 """
 
 import math
-from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -15,7 +13,6 @@ import numpy.typing as npt
 
 from wallride.drivers.accelerated import accelerable
 from wallride.sim.world import compiled
-from wallride.sim.world.fan_cast import FanCast, is_fan
 from wallride.sim.world.free_rectangles import FreeRectangles
 from wallride.sim.world.pose import Booleans, Floats, Footprint, Pose, into_frame
 
@@ -79,9 +76,6 @@ class GridGeometry:
         """
         if self._by_c is not None:
             return compiled.cast(self._by_c, self._compiled, x_m, y_m, bearing_rad)
-        if not isinstance(x_m, np.ndarray) and not isinstance(y_m, np.ndarray) and is_fan(bearing_rad):
-            free = self.is_free(x_m, y_m)
-            return self._fan.cast(x_m, y_m, bearing_rad) if free else np.zeros(bearing_rad.shape)
         return self.march(x_m, y_m, bearing_rad)
 
     def march(self, x_m: float | Floats, y_m: float | Floats, bearing_rad: Floats) -> Floats:
@@ -103,22 +97,6 @@ class GridGeometry:
         far_corner = self.origin.ahead(self.cell_m, (inner.shape[0] + 1) * self.cell_m)
         return GridGeometry(inner[::-1], self.cell_m, far_corner.mirrored())
 
-    @cached_property
-    def _fan(self) -> FanCast:
-        """Return the edges between free and solid cells, each from right to left as seen from the free side."""
-        solid = self.solid
-        above, below = _runs(~solid[:-1] & solid[1:]), _runs(solid[:-1] & ~solid[1:])  # the solid side
-        right, left = _runs((~solid[:, :-1] & solid[:, 1:]).T), _runs((solid[:, :-1] & ~solid[:, 1:]).T)
-        ends = [
-            np.column_stack([above[:, 2], above[:, 0] + 1, above[:, 1], above[:, 0] + 1]),
-            np.column_stack([below[:, 1], below[:, 0] + 1, below[:, 2], below[:, 0] + 1]),
-            np.column_stack([right[:, 0] + 1, right[:, 1], right[:, 0] + 1, right[:, 2]]),
-            np.column_stack([left[:, 0] + 1, left[:, 2], left[:, 0] + 1, left[:, 1]]),
-        ]
-        cells = np.vstack(ends) * self.cell_m
-        begin, end = self._to_world(cells[:, 0], cells[:, 1]), self._to_world(cells[:, 2], cells[:, 3])
-        return FanCast(np.column_stack([*begin, *end]), one_sided=True)
-
     def _edge_cells_m(self) -> Floats:
         """Return the world centres of the solid cells beside a free one, shape (2, k): all that a car can touch."""
         solid = self.solid
@@ -136,7 +114,7 @@ class GridGeometry:
         return self.origin.x_m + cos * along_m - sin * across_m, self.origin.y_m + sin * along_m + cos * across_m
 
 
-@accelerable(fan=FanCast)
+@accelerable
 def cast_cells(
     rectangles: FreeRectangles,
     origin: Pose,

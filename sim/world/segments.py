@@ -1,24 +1,23 @@
 """Walls as straight segments and poles as circles: exact ray casts and exact distances to the car's outline.
 
-Beams are cast in one of three ways that agree to rounding: the compiled `casting.c` where available; else `FanCast`
-for an even fan from one place among more than a few walls; else all beams are intersected with all walls at once.
+Beams are cast in one of two ways that agree to rounding: the compiled `casting.c` where available, else all beams are
+intersected with all walls at once.
 """
 
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
 from wallride.drivers.accelerated import accelerable
 from wallride.sim.world import compiled
-from wallride.sim.world.fan_cast import EDGE_ON, FanCast, is_fan
 from wallride.sim.world.pose import Booleans, Floats, Footprint, Pose, into_frame
 
 _NO_SEGMENTS = np.empty((0, 4))
 _NO_CIRCLES = np.empty((0, 3))
 _END_SLACK_M = 1e-9
 """Margin by which segments are lengthened for rays, so that none passes through a corner."""
-_FEW_WALLS = 5
-"""Maximum number of walls for which intersecting all of them costs less than finding the relevant ones."""
+EDGE_ON = 1e-9
+"""Sine of the angle below which a wall, which has no thickness, is invisible: rounding would decide its position."""
 _BLOCK = 6
 """Number of segments processed at once: more of them times 1081 beams exceed the processor's inner cache."""
 
@@ -49,12 +48,7 @@ class SegmentGeometry:
         """
         if self._by_c is not None:
             return compiled.cast(self._by_c, self._compiled, x_m, y_m, bearing_rad)
-        spread = isinstance(x_m, np.ndarray) or isinstance(y_m, np.ndarray)
-        if len(self.segments_m) <= _FEW_WALLS or spread or not is_fan(bearing_rad):
-            return cast_walls(self._straight, self.circles_m, x_m, y_m, bearing_rad)
-        nearest = cast_walls(self._straight[:0], self.circles_m, x_m, y_m, bearing_rad)
-        np.minimum(nearest, self._fan.cast(float(x_m), float(y_m), bearing_rad), out=nearest)
-        return nearest
+        return cast_walls(self._straight, self.circles_m, x_m, y_m, bearing_rad)
 
     def clearance(self, pose: Pose, footprint: Footprint) -> float:
         """Return the distance between the car's outline and the nearest wall, 0 in contact, inf without walls."""
@@ -71,10 +65,6 @@ class SegmentGeometry:
     def mirrored(self) -> "SegmentGeometry":
         """Return the same walls with y negated."""
         return SegmentGeometry(self.segments_m * [1, -1, 1, -1], self.circles_m * [1, -1, 1])
-
-    @cached_property
-    def _fan(self) -> FanCast:
-        return FanCast(self.segments_m)
 
 
 def circle_outline(x_m: float, y_m: float, radius_m: float, *, corners: int = 16) -> Floats:
@@ -97,7 +87,7 @@ def box(x_m: float, y_m: float, length_m: float, width_m: float, yaw_rad: float 
     return chain([(corner.x_m, corner.y_m) for corner in corners], closed=True)
 
 
-@accelerable(fan=FanCast)
+@accelerable
 def cast_walls(
     straight: Floats, circles_m: Floats, x_m: float | Floats, y_m: float | Floats, bearing_rad: Floats
 ) -> Floats:

@@ -169,7 +169,6 @@ print(*(compiled.by_c(one) is not None for one in (segments.cast_walls, grid.cas
     ("free_rectangles.py", "travelled[beam] = now", "travelled[beam] = 1 * now", "True False inf 0.4"),
     ("grid.py", "march(along / cell_m, across / cell_m, dx, dy)", "march(along / cell_m, across / cell_m, dx, dy) / 2",
      "True False inf 0.2"),
-    ("fan_cast.py", "np.full(bearing_rad.shape, np.inf)", "np.full(bearing_rad.shape, 99.0)", "False False inf 0.4"),
 ])  # fmt: skip
 def test_an_edited_cast_of_the_simulator_is_cast_in_python(edited, name, old, new, said):
     assert edited(f"sim/world/{name}", old, new, CASTS) == f"{said}\n"

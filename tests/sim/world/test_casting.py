@@ -1,4 +1,4 @@
-"""Beams end at the same place however they are cast: compiled, as a fan, or one by one in numpy."""
+"""Beams end at the same place however they are cast: compiled or in numpy."""
 
 import math
 from typing import Any
@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from wallride.drivers.accelerated import Accelerated, UnfitError
 from wallride.sim.world import compiled
-from wallride.sim.world.fan_cast import FanCast, is_fan
 from wallride.sim.world.grid import GridGeometry, cast_cells
 from wallride.sim.world.pose import Pose
 from wallride.sim.world.segments import SegmentGeometry, box, cast_walls, chain
@@ -80,54 +79,6 @@ def test_compiled_cells_and_numpy_cells_are_the_same_cells(seed):
     assert_agree(grid.cast(x, y, bearings), grid.march(x, y, bearings))
     many_x, many_y = x + rng.uniform(-0.3, 0.3, 1081), y + rng.uniform(-0.3, 0.3, 1081)
     assert_agree(grid.cast(many_x, many_y, bearings), grid.march(many_x, many_y, bearings))
-
-
-@given(seed=seeds)
-@settings(deadline=None)
-def test_a_fan_of_numpy_sees_what_beams_one_by_one_see(seed):
-    rng = np.random.default_rng(seed)
-    with compiled.numpy_only():
-        grid = GridGeometry(*cluttered_grid(rng))
-        walls = SegmentGeometry(cluttered_walls(rng)[0])
-    bearings = FAN_RAD + rng.uniform(-4, 4)
-    assert is_fan(bearings)
-    x, y = a_free_place(grid, rng)
-    assert_agree(grid.cast(x, y, bearings), grid.march(x, y, bearings))
-    x, y = rng.uniform(-8, 8), rng.uniform(-7, 7)
-    each_x, each_y = np.full(1081, x), np.full(1081, y)
-    assert_agree(walls.cast(x, y, bearings), walls.cast(each_x, each_y, bearings))
-
-
-@pytest.mark.parametrize("first_deg", [-180.0, -90.0, 0.0, 45.0, 179.9])
-def test_a_fan_has_no_seam(first_deg):
-    room = FanCast(chain([(-1, -1), (1, -1), (1, 1), (-1, 1)], closed=True))
-    bearings = np.radians(first_deg + np.arange(720) * 0.5)
-    expected = 1.0 / np.maximum(np.abs(np.cos(bearings)), np.abs(np.sin(bearings)))
-    np.testing.assert_allclose(room.cast(0.0, 0.0, bearings), expected, rtol=1e-12)
-
-
-def test_a_fan_from_a_place_on_a_wall_is_stopped_by_it_on_one_side():
-    wall = FanCast(np.array([[-1.0, 0.0, 1.0, 0.0], [-5.0, 2.0, 5.0, 2.0]]))
-    bearings = np.linspace(0.1, math.pi - 0.1, 100)
-    assert wall.cast(0.5, 0.0, bearings - math.pi).max() == 0.0
-    np.testing.assert_allclose(wall.cast(0.5, 0.0, bearings[40:60]), 2.0 / np.sin(bearings[40:60]))
-
-
-def test_walls_seen_edge_on_are_not_there():
-    wall = FanCast(np.array([[1.0, 0.0, 3.0, 0.0]]))
-    assert np.isinf(wall.cast(0.0, 0.0, np.linspace(-0.5, 0.5, 101))).all()
-
-
-@pytest.mark.parametrize(("bearings", "accepted"), [
-    (np.linspace(-2, 2, 100), True),
-    (np.linspace(2, -2, 100), False),
-    (np.linspace(0, 2 * math.pi, 100), False),
-    (np.linspace(-2, 2, 100) ** 3, False),
-    (np.linspace(-2, 2, 5), False),
-    (np.array([]), False),
-])  # fmt: skip
-def test_what_is_a_fan(bearings, accepted):
-    assert is_fan(bearings) is accepted
 
 
 @needs_compiler
