@@ -94,16 +94,6 @@ class Vehicle:
         return self._forward_mps
 
     @property
-    def wheels_slide(self) -> bool:
-        """Return whether the wheels are locked, or in transition to or from locking."""
-        return self._sliding
-
-    @property
-    def wheel_angle_rad(self) -> float:
-        """Return the angle of the front wheels: servo and trim."""
-        return self.servo_rad + self.settings.trim_rad
-
-    @property
     def motor_current_a(self) -> float:
         """Return the motor current of the present driving (same sign as forward) or braking force."""
         return self._motor.motor_mps2 / self.settings.brake_mps2_per_a

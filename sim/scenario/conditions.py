@@ -9,7 +9,6 @@ import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from wallride.sim.car.wiring import NO_ERRORS, WiringErrors
 from wallride.sim.scenario.obstacle_text import read_obstacle
 from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.obstacles import Obstacle
+from wallride.sim.world.own_parts import OWN_PARTS
 
 RIGHT_REAR = "right-rear"
 """Name of the only own parts without a profile: a rough part at 0.03 to 0.15 m in the last beams on the right."""
@@ -140,25 +140,20 @@ def put_on_top(
 
 def own_parts_kinds() -> tuple[str, ...]:
     """Return the names of the kinds of own parts of this simulator."""
-    if "own_parts" not in LidarSettings.model_fields:
-        return (NO_PARTS, RIGHT_REAR)
-    profiles = import_module("wallride.sim.world.own_parts").OWN_PARTS
-    return (*dict.fromkeys((NO_PARTS, *profiles)), RIGHT_REAR)
+    return (*OWN_PARTS, RIGHT_REAR)
 
 
 def own_parts_fields(kind: str) -> dict[str, Any]:
     """Return the lidar's fields for one kind of own parts; ConditionsError when there is no such kind."""
     if kind not in own_parts_kinds():
         raise ConditionsError(f"--own-parts {kind}: write one of {', '.join(own_parts_kinds())}")
-    fields: dict[str, Any] = {"self_returns": kind == RIGHT_REAR}
-    if "own_parts" in LidarSettings.model_fields:
-        fields["own_parts"] = NO_PARTS if kind == RIGHT_REAR else kind
-    return fields
+    rough = kind == RIGHT_REAR
+    return {"self_returns": rough, "own_parts": NO_PARTS if rough else kind}
 
 
 def own_parts_of(lidar: LidarSettings) -> str:
     """Return the kind of own parts that a lidar sees."""
-    return RIGHT_REAR if lidar.self_returns else str(getattr(lidar, "own_parts", NO_PARTS))
+    return RIGHT_REAR if lidar.self_returns else lidar.own_parts
 
 
 def read_dirt(text: str) -> tuple[float, float, float]:

