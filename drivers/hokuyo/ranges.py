@@ -12,7 +12,6 @@ import numpy.typing as npt
 from wallride.drivers.accelerated import accelerated
 from wallride.drivers.value import value
 
-_ZERO: Final = np.uint8(0x30)
 _DIGITS: Final = bytes(range(0x30, 0x70))
 _MM_PER_M: Final = np.float32(1000)
 _WEIGHTS: Final = np.array([4096, 64, 1], np.float32)

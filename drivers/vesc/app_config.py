@@ -10,7 +10,6 @@ from typing import Final
 from wallride.drivers.value import value
 from wallride.drivers.vesc.app_layouts import LAYOUTS, AppLayout
 
-APP_NONE: Final = 0
 APPS: Final = {
     0: "none", 1: "PPM", 2: "ADC", 3: "UART", 4: "PPM and UART", 5: "ADC and UART", 6: "nunchuk", 7: "NRF",
     8: "custom", 9: "PAS", 10: "ADC and PAS",

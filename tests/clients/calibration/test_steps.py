@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.runtime.calibration import calibrated_car
 from tests.runtime.calibration.planted import LAB, YAW_RAD, planted_car
 from wallride.clients.calibration import settings_file, ways
 from wallride.clients.calibration.command import table
@@ -11,7 +12,6 @@ from wallride.clients.calibration.ways import CalibrationError
 from wallride.runtime.calibration import proposals
 from wallride.runtime.parameters.catalogue import values
 from wallride.runtime.settings.tree import load_settings
-from wallride.sim.virtual import calibrated_car
 from wallride.sim.world.beams import scan
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import STANDING, Pose

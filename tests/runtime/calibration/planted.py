@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
+from tests.runtime.calibration.calibrated_car import PlantedCar, VirtualCar
 from wallride.clients.calibration import ways
 from wallride.runtime.calibration.arc_fit import AssumedCar
 from wallride.runtime.calibration.measured_car import measure_arcs, measure_braking, measure_delays
 from wallride.sim.car.vehicle_settings import VehicleSettings
 from wallride.sim.car.wiring import WiringErrors
-from wallride.sim.virtual.calibrated_car import PlantedCar, VirtualCar
 from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import Pose
