@@ -84,7 +84,8 @@ def close_lap(record: LapRecord) -> ClosedLap:
     path = path.turned(times_s, poses[:, 2] - path.at(times_s)[:, 2])
     if len(record.reports):
         again = learnt(record, _frames(record, path), path, car)
-        car, path = replace(car, scale=again.scale), path.scaled(again.scale / car.scale)
+        path = path.scaled(again.scale / car.scale)
+        car = replace(car, scale=again.scale)
     frames, chain, poses = _chained(record, path, BACK)
     poses, _ = optimized(poses, chain)
     loops: list[Edge] = []
@@ -138,8 +139,24 @@ def learnt(record: LapRecord, frames: Sequence[Keyframe], path: LidarPath, car: 
             return car
         ratio *= float(np.median(used[:, 1]))
         bend_radpm = float(np.median(used[:, 2]))
-    trim_rad = float(np.arctan(record.wheelbase_m * bend_radpm)) if len(record.gyro) < 2 else 0.0
+    if len(record.gyro) >= 2:
+        gyro_scale = car.gyro_scale * _turn_ratio(frames, path.at(times_s), record.kind)
+        return replace(car, scale=car.scale * ratio, gyro_scale=gyro_scale)
+    trim_rad = float(np.arctan(record.wheelbase_m * bend_radpm))
     return replace(car, scale=car.scale * ratio, trim_rad=car.trim_rad + trim_rad)
+
+
+def _turn_ratio(frames: Sequence[Keyframe], told: Floats, kind: Kind) -> float:
+    """Return the turns that the scans show over those told: the scene determines them everywhere."""
+    turns_rad = []
+    for after in range(PIECE, len(frames), 2):
+        guess = between(told[after - PIECE], told[after])
+        if abs(guess[2]) > STRAIGHT_RAD:
+            edge = laid_over(frames, after - PIECE, after, guess, kind, Origin.NEIGHBOUR)
+            if edge is not None:
+                turns_rad.append((float(edge.shift[2]), float(guess[2])))
+    shown_rad, told_rad = np.array(turns_rad).reshape(-1, 2).T
+    return float(shown_rad @ told_rad / (told_rad @ told_rad)) if len(turns_rad) >= PIECES else 1.0
 
 
 def _pieces(frames: Sequence[Keyframe], told: Floats, kind: Kind) -> Iterator[tuple[float, float, float]]:
@@ -237,11 +254,10 @@ def _searched(
     window_m = min(MAX_WINDOW_M, WINDOW_M + WINDOW_SHARE * float(way_m[after] - way_m[before]))
     if float(np.hypot(*guess[:2])) > window_m + WINDOW_M:
         return None
-    best: Edge | None = None
     reach = int(window_m / SEARCH_STEP_M) if window_m > SEARCH_STEP_M + WINDOW_M else 0
+    found: list[Edge] = []
     for ahead in sorted(range(-reach, reach + 1), key=abs):
         start = guess + np.array([ahead * SEARCH_STEP_M, 0.0, 0.0])
-        edge = laid_over(frames, before, after, start, kind, Origin.LOOP)
-        if edge is not None and (best is None or edge.share > best.share + 0.05):
-            best = edge
-    return best
+        if (edge := laid_over(frames, before, after, start, kind, Origin.LOOP)) is not None:
+            found.append(edge)
+    return max(found, key=lambda edge: (edge.full, edge.share), default=None)

@@ -13,6 +13,8 @@ STANDS_BELOW_MPS: Final = 0.02
 MIN_STANDING: Final = 20
 """Rates of a standing car below which the gyro's bias counts as unknown, 0."""
 MAX_RANGE_M: Final = 12.0
+LOCKS_MPS2, SLIDES_MPS2 = 11.0, 5.0
+"""Deceleration of wheels above which they lock, and that of the car then."""
 BEYOND_S: Final = 0.1
 """A path goes on for this time at its last speed: the last report is older than the last scan."""
 
@@ -22,12 +24,13 @@ class LearntCar:
     """Errors of the car's own sensors, as far as they are known.
 
     scale: true way over the reported one. trim_rad: true steering less the reported one. slip_s2pm: the rear axle moves
-    aside by -slip v^2 yaw rate; 0.023 at a friction of 0.8, 0.037 at 0.5.
+    aside by -slip v^2 yaw rate; 0.023 at a friction of 0.8, 0.037 at 0.5. gyro_scale: true turn over the gyro's.
     """
 
     scale: float = 1.0
     trim_rad: float = 0.0
     slip_s2pm: float = 0.028
+    gyro_scale: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,10 +63,12 @@ def odometry_path(record: LapRecord, car: LearntCar) -> LidarPath:
         yaw_rad = np.unwrap(motion.yaw_rad)
         return LidarPath(record.scan_s, np.column_stack([motion.x_m, motion.y_m, yaw_rad]))
     time_s, way_m, speed_mps, steering_rad = record.reports.T
-    step_m, period_s = car.scale * np.diff(way_m), np.diff(time_s)
+    period_s, true_mps = np.diff(time_s), _not_locked_mps(time_s, speed_mps)
+    slides = true_mps != speed_mps
+    step_m = car.scale * np.where(slides[1:], _middles(true_mps) * period_s, np.diff(way_m))
     turn_rad = _turns_rad(record, car, step_m, _middles(steering_rad))
     yaw_rad = np.concatenate([[0.0], np.cumsum(turn_rad)])
-    aside_m = -car.slip_s2pm * (car.scale * _middles(speed_mps)) ** 2 * turn_rad
+    aside_m = -car.slip_s2pm * (car.scale * _middles(true_mps)) ** 2 * turn_rad
     cos, sin = np.cos(_middles(yaw_rad)), np.sin(_middles(yaw_rad))
     x_m = np.concatenate([[0.0], np.cumsum(cos * step_m - sin * aside_m)])
     y_m = np.concatenate([[0.0], np.cumsum(sin * step_m + cos * aside_m)])
@@ -92,7 +97,18 @@ def _turns_rad(record: LapRecord, car: LearntCar, step_m: Floats, steering_rad: 
         return step_m * np.tan(steering_rad + car.trim_rad) / record.wheelbase_m
     time_s, rate_radps = record.gyro[:, 0], record.gyro[:, 1] - gyro_bias_radps(record)
     angle_rad = np.concatenate([[0.0], np.cumsum(_middles(rate_radps) * np.diff(time_s))])
-    return np.diff(np.interp(record.reports[:, 0], time_s, angle_rad))
+    turns_rad: Floats = car.gyro_scale * np.diff(np.interp(record.reports[:, 0], time_s, angle_rad))
+    return turns_rad
+
+
+def _not_locked_mps(time_s: Floats, speed_mps: Floats) -> Floats:
+    """Return the reported speeds, but where a full brake locks the wheels that of a car that slides on."""
+    true_mps = speed_mps.copy()
+    for at in range(1, len(time_s)):
+        period_s = time_s[at] - time_s[at - 1]
+        if true_mps[at] < true_mps[at - 1] - LOCKS_MPS2 * period_s:
+            true_mps[at] = max(0.0, speed_mps[at], true_mps[at - 1] - SLIDES_MPS2 * period_s)
+    return true_mps
 
 
 def _middles(values: Floats) -> Floats:

@@ -1,6 +1,6 @@
 """A pose graph on SE(2): measured shifts between poses, and the poses that contradict them least.
 
-Gauss-Newton on the sparse normal equations; loop edges that contradict all others lose their weight (Agarwal et al.,
+Gauss-Newton on the sparse normal equations; matched edges that contradict all others lose their weight (Agarwal et al.,
 "Robust map optimization using dynamic covariance scaling", 2013).
 """
 
@@ -70,12 +70,12 @@ def optimized(poses: Floats, edges: Sequence[Edge]) -> tuple[Floats, Floats]:
     """Return the poses (n, 3) that fit the edges best, the first kept, and the chi2 of each edge."""
     before, after = np.array([edge.before for edge in edges]), np.array([edge.after for edge in edges])
     shifts, information = np.array([edge.shift for edge in edges]), np.array([edge.information for edge in edges])
-    loops = np.array([edge.origin is Origin.LOOP for edge in edges])
+    matched = np.array([edge.origin is not Origin.ODOMETRY for edge in edges])
     poses = poses.copy()
     doubted = FIRST_DOUBTED_CHI2
     for _ in range(ROUNDS):
         errors, chi2 = _errors(poses, before, after, shifts, information)
-        trust = np.where(loops, (doubted / (doubted + chi2)) ** 2, 1.0)
+        trust = np.where(matched, (doubted / (doubted + chi2)) ** 2, 1.0)
         step = _step(poses, before, after, errors, information * trust[:, None, None])
         poses += step
         if doubted == DOUBTED_CHI2 and np.abs(step).max() < ENOUGH_M:

@@ -23,6 +23,8 @@ def test_the_path_of_a_lap_is_the_true_one_whatever_wheels_and_steering_say(gyro
     assert np.sqrt(np.mean(off_m**2)) < RMS_M
     assert off_m.max() < MAX_M
     assert lap.car.scale == pytest.approx(1 / 1.03, abs=0.003)
+    if gyro:
+        assert lap.car.gyro_scale == pytest.approx(1 / 1.01, abs=0.005)
     if not gyro:
         assert lap.car.trim_rad == pytest.approx(0.02, abs=0.003)
 

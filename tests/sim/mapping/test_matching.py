@@ -74,3 +74,15 @@ def test_a_gyro_with_a_bias_gives_the_circle_that_wrong_steering_hides():
     end = np.array([2.0 * math.sin(yaw_rad), 2.0 * (1.0 - math.cos(yaw_rad)), yaw_rad])
     assert path.at(time_s[-1:])[0] == pytest.approx(end, abs=0.03)
     assert between(path.poses[0], path.poses[50]) == pytest.approx(np.zeros(3), abs=1e-3)
+
+
+def test_a_car_slides_on_while_a_full_brake_locks_its_wheels():
+    """From 4 m/s, 0.2 s of locked wheels: they report no way, and the car goes 0.7 m."""
+    time_s = np.arange(0.0, 1.0, 0.02)
+    locked = (time_s > 0.4) & (time_s < 0.6)
+    speed_mps = np.where(time_s < 0.6, np.where(locked, 0.0, 4.0), 3.0)
+    way_m = np.cumsum(speed_mps) * 0.02
+    reports = np.column_stack([time_s, way_m, speed_mps, np.zeros(time_s.size)])
+    path = odometry_path(LapRecord("brake", KIND, 0.0, time_s, np.zeros((0, 1), np.float32), reports), LearntCar())
+    ends_m = np.diff(path.at(np.array([0.4, 0.6]))[:, 0])
+    assert ends_m == pytest.approx(0.7, abs=0.06)
