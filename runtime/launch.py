@@ -196,6 +196,12 @@ class PunctualLoop(asyncio.SelectorEventLoop):
         self._threads = ThreadPoolExecutor(thread_name_prefix="asyncio", initializer=ask_for_precedence)
         self.set_default_executor(self._threads)
 
+    def add_signal_handler(self, sig: int, callback: Callable[..., object], *args: object) -> None:
+        """Add a handler; RuntimeError for a signal that stops the car, whose handler is the car's own."""
+        if sig in STOP_SIGNALS and callback is not _set:
+            raise RuntimeError(f"signal {sig} stops the car; its handler cannot be replaced")
+        super().add_signal_handler(sig, callback, *args)
+
     async def shutdown_default_executor(self, timeout: float | None = None) -> None:  # noqa: ARG002, ASYNC109
         """Take no more work. The base class starts one more thread for it, which there may be no memory for.
 

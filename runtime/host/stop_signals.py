@@ -1,7 +1,8 @@
 """The signals that ask this process to end, held against code of the user, which runs in the thread that handles them.
 
 A law, or a library that it imports, may replace a handler, ignore a signal or block it: the car would drive on after
-SIGTERM. Whether a handler was changed is asked after each call of the user's code, which takes 1 us.
+SIGTERM. Whether a handler was changed is asked after each call of the user's code, which takes 1 us. What Python does
+not see (C's own signal(), a blocked signal, another wake-up descriptor) is put right once a second.
 """
 
 import signal
@@ -34,23 +35,24 @@ class StopSignals:
         """Hold the handlers that `handle` puts in place, from now on."""
         self._hold = handle
         handle()
-        self._handlers = [*map(getsignal, _NUMBERS)]
         self._wakeup = signal.set_wakeup_fd(-1)
-        self.keep_awake()
+        self.put_back()
 
     def take_back(self) -> str:
         """Put handlers in place again that were changed; return the name of the first, "" where none was."""
         if self._hold is None or (now := [*map(getsignal, _NUMBERS)]) == self._handlers:
             return ""
         first = next(each for each, one, ours in zip(STOP_SIGNALS, now, self._handlers, strict=True) if one != ours)
-        self.hold(self._hold)
+        self.put_back()
         return str(first.name)
 
-    def keep_awake(self) -> None:
-        """Unblock the signals in this thread, and have them wake the loop: neither shows in the handlers."""
+    def put_back(self) -> None:
+        """Put all in place again, seen or not: handlers, also those of C, the loop's wake-up, and no signal blocked."""
         if self._hold is not None:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
+            self._hold()
+            self._handlers = [*map(getsignal, _NUMBERS)]
             signal.set_wakeup_fd(self._wakeup, warn_on_full_buffer=False)
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
 
 
 STOP_SIGNALS_HELD: Final = StopSignals()

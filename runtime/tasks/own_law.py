@@ -56,15 +56,14 @@ class OwnLawWatch:
             if granted and (self._refused or due):
                 log.info("trying again: %s", fault)
                 self._retry()
-        if runners:
-            self._guard_the_process(runners, late_s)
+        self._guard_the_process(runners, late_s)
 
     def _guard_the_process(self, runners: Sequence[LawRunner], late_s: float) -> None:
-        """Name threads of the laws, which take their time from the loop, and keep the signals awake."""
+        """Name threads of the laws, which take their time from the loop; hold the signals, against drivers as well."""
         if late_s < GAP_S and self._clock() - self._looked_s < LOOK_EVERY_S:
             return
         self._looked_s = self._clock()
-        STOP_SIGNALS_HELD.keep_awake()
+        STOP_SIGNALS_HELD.put_back()
         words = tuple(
             f"{runner.law.name} runs {count} thread{'s' if count > 1 else ''} of its own ({shown(path)}:{line}),"
             f" which {'take' if count > 1 else 'takes'} time from driving"

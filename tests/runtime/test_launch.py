@@ -188,3 +188,15 @@ def test_learning_without_memory_ends_the_drive_before_the_interpreter_crashes()
     with pytest.raises(SystemExit), launch.ending_without_memory():
         side_work.guarded("learning", learn)()
     assert side_work.words == ()
+
+
+def test_code_of_the_user_cannot_replace_the_handler_of_a_signal_that_stops():
+    async def replace():
+        loop = asyncio.get_running_loop()
+        with pytest.raises(RuntimeError, match=f"signal {signal.SIGTERM:d} stops the car"):
+            loop.add_signal_handler(signal.SIGTERM, lambda: None)
+        loop.add_signal_handler(signal.SIGWINCH, lambda: None)
+        return loop.remove_signal_handler(signal.SIGWINCH)
+
+    with asyncio.Runner(loop_factory=launch.PunctualLoop) as runner:
+        assert runner.run(replace())

@@ -1,5 +1,6 @@
 """After a fault of an own law: the permit ends, and the next one tries the law again; without a permit time does."""
 
+import itertools
 import math
 import re
 import threading
@@ -154,3 +155,13 @@ def test_where_no_permit_is_required_time_tries_again_and_waits_longer_each_time
     gaps_s = [round(later - sooner) for sooner, later in zip(rig.tries_s, rig.tries_s[1:], strict=False)]
     assert gaps_s[:4] == [4, 8, 16, 32]
     assert max(gaps_s) == MAX_RETRY_S
+
+
+def test_the_signals_are_put_back_each_second_also_where_only_drivers_are_the_users(required, monkeypatch):
+    times_s: list[float] = []
+    held = SimpleNamespace(put_back=lambda: times_s.append(required.clock()))
+    monkeypatch.setattr("wallride.runtime.tasks.own_law.STOP_SIGNALS_HELD", held)
+    required.laws.runners = []
+    required.ticks(3.3)
+    assert len(times_s) == 4
+    assert max(later - sooner for sooner, later in itertools.pairwise(times_s)) <= 1.1
