@@ -2,16 +2,18 @@
 
 Folders are appended to Python's module path, so that a file of the user never replaces a module of Python or wallride,
 finds modules beside it, and is found by processes that this one spawns. A process of root loads nothing from a folder
-that others may change: no law, and no package that happens to be missing.
+that others may change: no law, no module that a law imports, and no package that happens to be missing.
 """
 
 import importlib
-import importlib.util
 import os
 import sys
 import traceback
+from collections.abc import Sequence
+from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType, TracebackType
+from typing import Final
 
 from wallride.runtime.host.ownership import changed_by_others, is_root
 from wallride.runtime.host.stop_signals import STOP_SIGNALS_HELD
@@ -54,7 +56,7 @@ def import_module(name: str) -> ModuleType:
     search_in(Path.cwd())
     importlib.invalidate_caches()
     try:
-        _refuse_to_root(name)
+        _guard_imports_of_root()
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name is not None and f"{name}.".startswith(f"{error.name}."):
@@ -134,12 +136,33 @@ def _is_users(path: Path, file: Path | None) -> bool:
     return any(path.is_relative_to(folder) for folder in _folders)
 
 
-def _refuse_to_root(name: str) -> None:
-    """Refuse a file that Python finds by a path of its own, PYTHONPATH for one, and that others may change."""
-    found = importlib.util.find_spec(name.partition(".")[0]) if is_root() else None
-    origin = Path(found.origin) if found is not None and found.origin is not None else None
-    if origin is not None and origin.is_file() and (why := changed_by_others(origin)):
-        raise UserCodeError(_refused(origin, why))
+class _RootsImports:
+    """Lets root import no module that others may change, but for those of Python's installation and of wallride.
+
+    Every module counts, at any depth, and each folder of a package, which needs no file: Python may find it by a path
+    of its own, PYTHONPATH for one.
+    """
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None = None, _target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Return None, for the other finders to go on; UserCodeError for a module that root does not load."""
+        found = PathFinder.find_spec(name, path) if is_root() else None
+        if found is None or name.partition(".")[0] == "wallride":
+            return None
+        for place in map(Path, filter(None, (found.origin, *(found.submodule_search_locations or ())))):
+            installed = any(place.is_relative_to(prefix) for prefix in (sys.prefix, sys.base_prefix))
+            if place.exists() and not installed and (why := changed_by_others(place)):
+                raise UserCodeError(_refused(place, why))
+        return None
+
+
+_ROOTS_IMPORTS: Final = _RootsImports()
+
+
+def _guard_imports_of_root() -> None:
+    if is_root() and _ROOTS_IMPORTS not in sys.meta_path:
+        sys.meta_path.insert(0, _ROOTS_IMPORTS)
 
 
 def _refused(file: Path, why: str) -> str:

@@ -77,6 +77,26 @@ def test_a_module_that_python_finds_by_itself_is_refused_to_root_as_well(tmp_pat
         import_module("by_pythonpath")
 
 
+@pytest.mark.parametrize("open_one", ["pkg/sub/drv.py", "pkg/sub", "plain_space", "plain_space/mod.py", "helper.py"])
+def test_no_part_of_a_package_and_no_import_of_a_law_is_open_to_others(open_one, tmp_path, monkeypatch, root):
+    name = {"pkg": "pkg.sub.drv", "plain_space": "plain_space.mod", "helper.py": "needs_helper"}[open_one.split("/")[0]]
+    for file in ("pkg/__init__.py", "pkg/sub/drv.py", "plain_space/mod.py", "helper.py", "needs_helper.py"):
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / file).write_text("import builtins; builtins.planted_ran = True\n" if "init" not in file else "")
+    (tmp_path / "needs_helper.py").write_text("import helper\n")
+    monkeypatch.setattr("builtins.planted_ran", False, raising=False)
+    monkeypatch.setattr("sys.path", [*sys.path, str(tmp_path)])
+    monkeypatch.chdir("/")
+    for loaded in ("pkg", "pkg.sub", "pkg.sub.drv", "plain_space", "plain_space.mod", "helper", "needs_helper"):
+        monkeypatch.delitem(sys.modules, loaded, raising=False)
+    (tmp_path / open_one).chmod(0o777)
+    with pytest.raises(UserCodeError, match=f"{open_one} is not loaded by root|every user may write .*{open_one}"):
+        import_module(name)
+    assert not sys.modules["builtins"].planted_ran
+    (tmp_path / open_one).chmod(0o755)
+    import_module(name)
+
+
 def test_others_are_those_who_may_exchange_a_file_or_a_folder_above_it(tmp_path, monkeypatch):
     file = tmp_path / "a" / "b" / "law.py"
     file.parent.mkdir(parents=True)
