@@ -123,7 +123,9 @@ class _Course:
             thumb_rad = self._rng.normal(drive.human_rad[int(self._now_s / TURNS_EVERY_S)], THUMB_RAD)
             wish = Drive(drive.speed_mps, float(thumb_rad))
             stack.queue.put(DriveCommand(Source.TELEOP, wish, None, "by hand"), expires_at_s=drive.by_hand_s)
-        decision = arbitrate(stack.queue.live(), REQUIRED, stack.queue.order)
+        decision, memories = arbitrate(stack.queue.live(), REQUIRED, stack.queue.order)
+        for assessment, memory in memories:
+            assessment.commit(memory)
         sent = stack.limiter.limit(decision.speed_mps, decision.steering_rad, TICK_S, decision.brake_mps2)
         self._motor.send(sent)
         self._decided.append(decision)

@@ -92,10 +92,10 @@ def warm_up(settings: Settings, clock: Clock) -> None:
         motor = MotorState(now_s, speed_mps, 0.0, 0.0, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)
         assessment = stack.look(scan, motor)
         stack.follow(scan, motor)
-        decision = arbitrate(stack.queue.live(), REQUIRED, stack.queue.order)
+        decision, _ = arbitrate(stack.queue.live(), REQUIRED, stack.queue.order)
         stack.limiter.limit(decision.speed_mps, decision.steering_rad, 0.025, decision.brake_mps2)
         for wish_mps in (-0.4, speed_mps):
-            assessment.limit(wish_mps, 0.1)
+            assessment.judge(wish_mps, 0.1, assessment.memory)
 
 
 def limits(car: CarSettings) -> Limits:

@@ -8,7 +8,7 @@ and no I/O here: a table of cases tests it completely.
 import math
 from collections.abc import Sequence
 from enum import StrEnum
-from typing import Protocol
+from typing import Any, ClassVar, Protocol
 
 from wallride.drivers.api import Drive
 from wallride.drivers.value import value
@@ -75,23 +75,47 @@ class Verdict:
     brake_mps2: float = math.inf
     steering_rad: float | None = None
 
-    def limit(self, speed_mps: float, steering_rad: float) -> "Verdict":  # noqa: ARG002 - the same whatever is asked
+    memory: ClassVar[None] = None
+
+    def judge(self, speed_mps: float, steering_rad: float, memory: Any) -> tuple["Verdict", Any]:  # noqa: ANN401, ARG002
         """Return this verdict for every command: a constant SafetyAssessment."""
+        return self, memory
+
+    def ask(self, speed_mps: float, steering_rad: float) -> "Verdict":  # noqa: ARG002 - the same whatever is asked
+        """Return this verdict."""
         return self
 
-    ask = limit
+    def commit(self, memory: Any) -> None:  # noqa: ANN401
+        """Remember nothing."""
 
 
 class SafetyAssessment(Protocol):
-    """Judgement of the present by a limiting source; evaluated for the very command that is about to be sent."""
+    """Judgement of the present by a limiting source; evaluated for the very command that is about to be sent.
 
-    def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
-        """Judge the command that is about to be sent; the law may remember it. Cheap: evaluated again at every tick."""
+    memory: a value, what the commands that were sent have left in the law; None where they leave nothing.
+    """
+
+    @property
+    def memory(self) -> Any: ...  # noqa: ANN401, D102 - in the class docstring
+
+    def judge(self, speed_mps: float, steering_rad: float, memory: Any) -> tuple[Verdict, Any]:  # noqa: ANN401
+        """Return the verdict on a command that is about to be sent, and the memory after it; commits nothing.
+
+        Cheap: evaluated again at every tick.
+        """
         ...
 
     def ask(self, speed_mps: float, steering_rad: float) -> Verdict:
-        """Return what `limit` would, without a trace: for everyone but `arbitrate`."""
+        """Return the verdict that `judge` would; changes not even a cache that a later judgement reads."""
         ...
+
+    def commit(self, memory: Any) -> None:  # noqa: ANN401
+        """Take over the memory after a command that was sent: for the mux alone."""
+        ...
+
+
+Memories = Sequence[tuple[SafetyAssessment, Any]]
+"""What a decision leaves behind: each assessment that judged it, with the memory to commit."""
 
 
 @value()
@@ -157,8 +181,12 @@ class Output:
     braked: bool = False
 
 
-def arbitrate(live: Sequence[QueueEntry], required: frozenset[Source], order: Sequence[Source]) -> Decision:
-    """Select the most urgent drive command, limited by every more urgent source.
+def arbitrate(
+    live: Sequence[QueueEntry], required: frozenset[Source], order: Sequence[Source]
+) -> tuple[Decision, Memories]:
+    """Select the most urgent drive command, limited by every more urgent source; changes nothing.
+
+    The memories are those that the mux commits once the command is sent.
 
     live: commands and limits in force, most urgent first, in the order of `order`.
     required: sources without which no less urgent source moves the car; a silent safety task is no consent.
@@ -170,40 +198,45 @@ def arbitrate(live: Sequence[QueueEntry], required: frozenset[Source], order: Se
             return _drive_under_caps(word, caps, required.intersection(order[: order.index(word.source)]))
         caps.append(word)
     for cap in caps:
-        verdict = cap.assessment.limit(0.0, 0.0)
+        verdict, _ = cap.assessment.judge(0.0, 0.0, cap.assessment.memory)  # nothing is sent: nothing to commit
         if verdict.forward_mps <= 0 and verdict.reverse_mps <= 0:
-            return Decision(0.0, None, None, cap.source, verdict.reason, verdict.measure)
-    return Decision(0.0, None, None, None, "no word from teleop or navigation")
+            return Decision(0.0, None, None, cap.source, verdict.reason, verdict.measure), ()
+    return Decision(0.0, None, None, None, "no word from teleop or navigation"), ()
 
 
-def _drive_under_caps(word: DriveCommand, caps: Sequence[SpeedLimit], required: frozenset[Source]) -> Decision:
+def _drive_under_caps(
+    word: DriveCommand, caps: Sequence[SpeedLimit], required: frozenset[Source]
+) -> tuple[Decision, Memories]:
     steering_rad = word.drive.steering_rad
     if not (math.isfinite(word.drive.speed_mps) and math.isfinite(steering_rad)):
-        return Decision(0.0, None, word.source, None, f"{word.source} asked for something that is not a number")
+        return Decision(0.0, None, word.source, None, f"{word.source} asked for something that is not a number"), ()
     missing = required - {cap.source for cap in caps}
     if missing:
-        return Decision(0.0, steering_rad, word.source, None, f"no word from {min(missing)}")
+        return Decision(0.0, steering_rad, word.source, None, f"no word from {min(missing)}"), ()
     if word.scan_stamp_s is not None:
         for cap in caps:
             if cap.scan_stamp_s is not None and cap.scan_stamp_s < word.scan_stamp_s:
-                return Decision(0.0, steering_rad, word.source, None, f"{cap.source} has not judged this scan yet")
+                return Decision(0.0, steering_rad, word.source, None, f"{cap.source} has not judged this scan yet"), ()
     return _tightest(word, caps)
 
 
-def _tightest(word: DriveCommand, caps: Sequence[SpeedLimit]) -> Decision:
-    steering_rad = word.drive.steering_rad
+def _tightest(word: DriveCommand, caps: Sequence[SpeedLimit]) -> tuple[Decision, Memories]:
+    steering_rad, memories = word.drive.steering_rad, []
     decision = Decision(word.drive.speed_mps, steering_rad, word.source, word.source, word.reason)
     for cap in caps:
-        verdict = cap.assessment.limit(word.drive.speed_mps, steering_rad)
+        assessment = cap.assessment
+        verdict, memory = assessment.judge(word.drive.speed_mps, steering_rad, assessment.memory)
+        memories.append((assessment, memory))
         if not (verdict.forward_mps >= 0 and verdict.reverse_mps >= 0 and verdict.brake_mps2 >= 0):  # false for NaN
-            return Decision(0.0, steering_rad, word.source, cap.source, f"{cap.source} answers with what is no limit")
+            no_limit = f"{cap.source} answers with what is no limit"
+            return Decision(0.0, steering_rad, word.source, cap.source, no_limit), memories
         allowed_mps = max(-verdict.reverse_mps, min(verdict.forward_mps, decision.speed_mps))
         if allowed_mps != decision.speed_mps:
             wheels_rad = _wheels_rad(verdict, allowed_mps, steering_rad)
             decision = Decision(
                 allowed_mps, wheels_rad, word.source, cap.source, verdict.reason, verdict.measure, verdict.brake_mps2
             )
-    return decision
+    return decision, memories
 
 
 def _wheels_rad(verdict: Verdict, allowed_mps: float, wish_rad: float) -> float:

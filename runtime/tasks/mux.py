@@ -72,12 +72,14 @@ class Mux:
         now_s = self._clock()
         elapsed_s = now_s - self._last_s
         live = self._queue.sweep()
-        decision = arbitrate(live, self._required, self._queue.order)
+        decision, memories = arbitrate(live, self._required, self._queue.order)
         drive = self._limiter.limit(decision.speed_mps, decision.steering_rad, elapsed_s, decision.brake_mps2)
         stages.mux.end()
         stages.write.begin()
         delivered = self._motor.send(drive)
         stages.write.end()
+        for assessment, memory in memories:
+            assessment.commit(memory)
         braked = delivered and self._motor.braked_instead
         if not delivered:
             self._limiter.standstill()

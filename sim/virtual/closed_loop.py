@@ -319,7 +319,9 @@ class _Rig:
             SpeedLimit(Source.SAFETY, assessment, now_s),
             DriveCommand(case.driver, wish, None if case.driver is Source.TELEOP else now_s, guidance.reason),
         ]
-        decision = arbitrate(words, frozenset({Source.SAFETY}), _ORDER)
+        decision, memories = arbitrate(words, frozenset({Source.SAFETY}), _ORDER)
+        for judge, memory in memories:
+            judge.commit(memory)
         period_s = 1.0 / case.lidar.rate_hz if self._turning is None else now_s - self._answered_s
         self._answered_s = now_s
         told = self._limiter.limit(decision.speed_mps, decision.steering_rad, period_s, decision.brake_mps2)

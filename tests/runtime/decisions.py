@@ -40,24 +40,35 @@ def estop(limit=0.0):
     return SpeedLimit(Source.ESTOP, Verdict(limit, limit, "red button"))
 
 
-class Bend:
+class Counting:
+    """A safety without objection; its memory is the number of commands that were sent."""
+
+    memory = 0
+
+    def ask(self, _speed_mps, _steering_rad):
+        return Verdict(INF, INF, "clear")
+
+    def judge(self, speed_mps, steering_rad, memory):
+        return self.ask(speed_mps, steering_rad), memory + 1
+
+    def commit(self, memory):
+        self.memory = memory
+
+
+class Bend(Counting):
     """A safety that stops whoever turns left, and lets go on whoever turns right; it brakes gently."""
 
-    def limit(self, speed_mps, steering_rad):
+    def ask(self, speed_mps, steering_rad):
         free = steering_rad < 0
         return Verdict(INF if free else 0.2 * abs(speed_mps), INF, "wall on the left", steering_rad, 3.0)
 
-    ask = limit
 
-
-class Boxed:
+class Boxed(Counting):
     """A safety that has words only for a car that stands and does not steer."""
 
-    def limit(self, speed_mps, steering_rad):
+    def ask(self, speed_mps, steering_rad):
         stop = 0.0 if speed_mps == steering_rad == 0 else INF
         return Verdict(stop, stop, "boxed in")
-
-    ask = limit
 
 
 def boxed():
@@ -210,11 +221,18 @@ def failing(arbitrate) -> list[str]:
     for case in CASES:
         expected = Decision(case.speed, case.steering, case.driver, case.winner, case.reason, case.measure, case.brake)
         try:
-            decided = arbitrate(case.live, case.required, case.order)
+            decided, _ = arbitrate(case.live, case.required, case.order)
             if not _same(decided, expected):
                 wrong.append(case.title)
         except Exception:  # noqa: BLE001 - a mutant may fail in any way
             wrong.append(case.title)
+    judge = Counting()
+    try:
+        _, memories = arbitrate([SpeedLimit(Source.SAFETY, judge, 1.0), permit(), nav()], REQUIRED, LAB_ORDER)
+        if (judge, 1) not in memories or judge.memory:
+            wrong.append("the memory after the command")
+    except Exception:  # noqa: BLE001 - as above
+        wrong.append("the memory after the command")
     return wrong
 
 

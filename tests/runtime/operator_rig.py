@@ -73,7 +73,7 @@ class Rig:
 
     @property
     def decision(self):
-        return arbitrate(self.queue.live(), REQUIRED, LAB_ORDER)
+        return arbitrate(self.queue.live(), REQUIRED, LAB_ORDER)[0]
 
     @property
     def standing(self):

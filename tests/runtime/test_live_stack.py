@@ -67,9 +67,9 @@ def test_a_follower_without_an_answer_asks_for_standstill():
 def test_without_the_words_of_all_required_sources_nothing_moves():
     desk = Desk()
     desk.answer()
-    assert arbitrate(desk.stack.queue.live(), REQUIRED, desk.stack.queue.order).speed_mps == 0.0
+    assert arbitrate(desk.stack.queue.live(), REQUIRED, desk.stack.queue.order)[0].speed_mps == 0.0
     desk.stack.queue.put(consent(Source.PERMIT, "test"))
-    assert arbitrate(desk.stack.queue.live(), REQUIRED, desk.stack.queue.order).speed_mps > 0.0
+    assert arbitrate(desk.stack.queue.live(), REQUIRED, desk.stack.queue.order)[0].speed_mps > 0.0
 
 
 def test_other_settings_reach_laws_limiter_order_and_the_log():

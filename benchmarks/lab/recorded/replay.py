@@ -102,7 +102,8 @@ def replay(recording: Recording, side: Side, guard_settings: SweptSettings | Non
         assessment = guard.look(scan, motor)
         distance_m = follower.follow(scan, motor).distance_m
         view = eyes.see(scan)
-        verdict = assessment.limit(asked.speed_mps, asked.steering_rad)
+        verdict, memory = assessment.judge(asked.speed_mps, asked.steering_rad, assessment.memory)
+        assessment.commit(memory)
         judged.append(
             JudgedScan(
                 scan, motor, assessment, asked, verdict, wall_line(view, side), distance_m, guard.movers.any_moves

@@ -14,48 +14,59 @@ from wallride.runtime.control.own_laws.runner import LawRunner, OwnSection, Stat
 from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.report.laws import ReportGuard
 from wallride.runtime.control.report.settings import ReportSafetySettings
-from wallride.runtime.control.safety.swept import SweptAssessment, SweptGuard
+from wallride.runtime.control.safety.swept import SweptAssessment, SweptGuard, SweptMemory
 
 
 @dataclass(slots=True, eq=False)
-class CappedAssessment:
-    """The assessment of the car's own guard, under the limit of an own law."""
+class _Guarded:
+    """The assessment of the car's own guard; its memory is the only one."""
 
     assessment: SweptAssessment
-    cap: Verdict
 
     @property
     def view(self) -> View:
         """Return the view of the judged scan."""
         return self.assessment.view
 
-    def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
+    @property
+    def memory(self) -> SweptMemory:
+        """Return the guard's memory."""
+        return self.assessment.memory
+
+    def commit(self, memory: SweptMemory) -> None:
+        """Take over the memory after a command that was sent."""
+        self.assessment.commit(memory)
+
+
+@dataclass(slots=True, eq=False)
+class CappedAssessment(_Guarded):
+    """The assessment of the car's own guard, under the limit of an own law."""
+
+    cap: Verdict
+
+    def judge(self, speed_mps: float, steering_rad: float, memory: SweptMemory) -> tuple[Verdict, SweptMemory]:
         """Judge a drive: the lower limit of both in each direction, with the reason of the one that binds."""
-        return _lower_of(self.assessment.limit(speed_mps, steering_rad), self.cap, speed_mps)
+        verdict, memory = self.assessment.judge(speed_mps, steering_rad, memory)
+        return _lower_of(verdict, self.cap, speed_mps), memory
 
     def ask(self, speed_mps: float, steering_rad: float) -> Verdict:
-        """Return what `limit` would, without a trace."""
+        """Return what `judge` would, without a trace."""
         return _lower_of(self.assessment.ask(speed_mps, steering_rad), self.cap, speed_mps)
 
 
 @dataclass(slots=True, eq=False)
-class GuardedAssessment:
+class GuardedAssessment(_Guarded):
     """The verdict of the report's law, under the limit of sensing of the car's own guard."""
 
-    assessment: SweptAssessment
     verdict: Verdict
 
-    @property
-    def view(self) -> View:
-        """Return the view of the judged scan."""
-        return self.assessment.view
+    def judge(self, speed_mps: float, steering_rad: float, memory: SweptMemory) -> tuple[Verdict, SweptMemory]:
+        """Judge a drive; it leaves nothing in the memory."""
+        return self.ask(speed_mps, steering_rad), memory
 
-    def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
+    def ask(self, speed_mps: float, steering_rad: float) -> Verdict:
         """Judge a drive: the report's verdict, unless sensing allows less."""
         return _lower_of(self.verdict, self.assessment.limit_of_sensing(speed_mps, steering_rad), speed_mps)
-
-    ask = limit
-    """Judging leaves no trace."""
 
 
 class GuardedReport:

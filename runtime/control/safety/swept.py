@@ -227,14 +227,18 @@ class SweptAssessment:
         """Age of the scan now, as accurately as the clock allows."""
         return max(0.0, self.guard.now_s(self.view.scan) - self.view.scan.stamp_s)
 
-    def ask(self, speed_mps: float, steering_rad: float) -> Verdict:
-        """Return what `limit` would, with caches of its own: some sweeps depend on when they ran."""
-        return replace(self, strip=self.strip.copied()).judge(speed_mps, steering_rad, self.guard.memory)[0]
+    @property
+    def memory(self) -> SweptMemory:
+        """The memory of the guard, which the commands that were sent have left."""
+        return self.guard.memory
 
-    def limit(self, speed_mps: float, steering_rad: float) -> Verdict:
-        """Judge a drive about to be sent, and remember it."""
-        verdict, self.guard.memory = self.judge(speed_mps, steering_rad, self.guard.memory)
-        return verdict
+    def commit(self, memory: SweptMemory) -> None:
+        """Take over the memory after a command that was sent."""
+        self.guard.memory = memory
+
+    def ask(self, speed_mps: float, steering_rad: float) -> Verdict:
+        """Return what `judge` would, with caches of its own: some sweeps depend on when they ran."""
+        return replace(self, strip=self.strip.copied()).judge(speed_mps, steering_rad, self.guard.memory)[0]
 
     def judge(self, speed_mps: float, steering_rad: float, memory: SweptMemory) -> tuple[Verdict, SweptMemory]:
         """Return the verdict on a drive, and the memory after it; changes no memory.

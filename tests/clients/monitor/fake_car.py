@@ -97,7 +97,7 @@ class FakeCar:
 
     @property
     def decision(self):
-        return arbitrate(self.queue.live(), frozenset({Source.SAFETY, Source.PERMIT}), LAB_ORDER)
+        return arbitrate(self.queue.live(), frozenset({Source.SAFETY, Source.PERMIT}), LAB_ORDER)[0]
 
     @property
     def speed_mps(self):

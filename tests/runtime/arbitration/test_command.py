@@ -11,13 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.runtime.decisions import BOUND_ORDER, CASES, REQUIRED, Case, estop, failing, nav, permit, safety, stick
+from tests.runtime.in_earnest import judged
 from wallride.runtime.arbitration import command
 from wallride.runtime.arbitration.command import LAB_ORDER, Source, SpeedLimit, Verdict, arbitrate, consent, refusal
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.title)
 def test_decision(case: Case):
-    decision = arbitrate(case.live, case.required, case.order)
+    decision, _ = arbitrate(case.live, case.required, case.order)
     assert (decision.speed_mps, decision.steering_rad) == (case.speed, case.steering)
     assert (decision.driver, decision.winner, decision.reason) == (case.driver, case.winner, case.reason)
     assert decision.brake_mps2 == case.brake
@@ -38,7 +39,7 @@ def test_every_combination_of_voices_obeys_the_rules(order):
     """The rules, stated independently of the code, over all combinations of words."""
     for combination in itertools.product(*(WORDS[source] for source in order)):
         live = [word for word in combination if word is not None]
-        decision = arbitrate(live, REQUIRED, order)
+        decision, _ = arbitrate(live, REQUIRED, order)
         words = {word.source: word for word in live}
         driver = next((source for source in order if source in words and source in command.DRIVING), None)
         above = order[: order.index(driver)] if driver else ()
@@ -77,7 +78,7 @@ LIMIT = st.one_of(st.floats(), st.sampled_from([0.0, -0.0, math.nan, math.inf, -
 )
 def test_whatever_the_verdicts_are_no_speed_is_larger_than_the_wish_or_against_it(wish, limits):
     caps = [SpeedLimit(Source.SAFETY, Verdict(ahead, back, "?", math.nan, brake), 1.0) for ahead, back, brake in limits]
-    decision = arbitrate([*caps, permit(), nav(wish)], REQUIRED, LAB_ORDER)
+    decision, _ = arbitrate([*caps, permit(), nav(wish)], REQUIRED, LAB_ORDER)
     assert abs(decision.speed_mps) <= abs(wish)
     assert decision.speed_mps * wish >= 0
     assert decision.brake_mps2 >= 0
@@ -98,7 +99,7 @@ LIMITS = st.sampled_from([0.0, 0.3, 1.0, math.inf])
 def test_a_verdict_makes_nobody_faster_and_steers_only_a_stop(wish, limits, steering, permitted):
     verdict = Verdict(limits[0], limits[1], "because", math.nan, 2.0, steering)
     words = [SpeedLimit(Source.SAFETY, verdict, 1.0), permit(permitted), nav(*wish)]
-    decision = arbitrate(words, REQUIRED, LAB_ORDER)
+    decision, _ = arbitrate(words, REQUIRED, LAB_ORDER)
     assert abs(decision.speed_mps) <= abs(wish[0])
     assert decision.speed_mps * wish[0] >= 0.0
     taken = decision.steering_rad != wish[1]
@@ -211,8 +212,8 @@ def test_breaking_any_line_of_arbitrate_is_noticed():
 
 
 def test_a_refusal_stops_both_ways_and_a_consent_limits_neither():
-    assert refusal(Source.SAFETY, "wall").assessment.limit(1.0, 0.0) == Verdict(0.0, 0.0, "wall")
-    assert consent(Source.SAFETY, "clear").assessment.limit(1.0, 0.0) == Verdict(math.inf, math.inf, "clear")
+    assert judged(refusal(Source.SAFETY, "wall").assessment, 1.0, 0.0) == Verdict(0.0, 0.0, "wall")
+    assert judged(consent(Source.SAFETY, "clear").assessment, 1.0, 0.0) == Verdict(math.inf, math.inf, "clear")
 
 
 @pytest.mark.parametrize(
@@ -220,6 +221,6 @@ def test_a_refusal_stops_both_ways_and_a_consent_limits_neither():
 )
 def test_without_a_driver_only_a_stop_in_both_directions_is_the_reason(forward_mps, reverse_mps, stops):
     cap = SpeedLimit(Source.SAFETY, Verdict(forward_mps, reverse_mps, "wall"))
-    decision = arbitrate([cap], frozenset(), LAB_ORDER)
+    decision, _ = arbitrate([cap], frozenset(), LAB_ORDER)
     assert decision.winner is (Source.SAFETY if stops else None)
     assert (decision.reason == "wall") is stops

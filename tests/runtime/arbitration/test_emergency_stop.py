@@ -15,7 +15,7 @@ def queue():
 
 
 def words(queue):
-    return arbitrate(queue.live(), frozenset(), LAB_ORDER).reason
+    return arbitrate(queue.live(), frozenset(), LAB_ORDER)[0].reason
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations(Cause)))

@@ -2,6 +2,7 @@
 
 import math
 
+from tests.runtime.in_earnest import judged
 from wallride.runtime.arbitration.command import LAB_ORDER, NO_LIMIT_MPS
 from wallride.runtime.arbitration.command_queue import CommandQueue
 from wallride.runtime.arbitration.permit import NOT_GRANTED, NOT_REQUIRED, Permit
@@ -9,7 +10,7 @@ from wallride.runtime.arbitration.permit import NOT_GRANTED, NOT_REQUIRED, Permi
 
 def word(queue):
     """Return (may move, reason) of the permit's word, None while it is silent."""
-    live = [said.assessment.limit(1.0, 0.0) for said in queue.live()]
+    live = [judged(said.assessment, 1.0, 0.0) for said in queue.live()]
     return (live[0].forward_mps == NO_LIMIT_MPS, live[0].reason) if live else None
 
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.runtime.in_earnest import judged
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.limiter import Limiter, Limits
@@ -128,7 +129,7 @@ def test_another_method_is_a_new_law():
     drive.scan()
     assert not drive.has_ball
     assert isinstance(drive.laws.follower, ReportTurn)
-    assert drive.scan()[1].limit(1.0, 0.0).reason == "clear", "the report's own word"
+    assert judged(drive.scan()[1], 1.0, 0.0).reason == "clear", "the report's own word"
     assert drive.laws.words == ()
     drive.tune(wall_follow={"method": "ball"}, safety={"method": "swept"})
     drive.scan()
@@ -138,25 +139,25 @@ def test_another_method_is_a_new_law():
 
 def test_the_reports_law_is_under_the_limit_of_sensing():
     drive = Drive(wall_follow={"method": "report"}, safety={"method": "report"})
-    assert drive.scan()[1].limit(1.0, 0.0).forward_mps == math.inf
+    assert judged(drive.scan()[1], 1.0, 0.0).forward_mps == math.inf
     drive.ranges_m[BEAMS // 2 - 120 : BEAMS // 2 + 120] = 0.03
-    assert drive.scan()[1].limit(1.0, 0.0) == ON_LIDAR
+    assert judged(drive.scan()[1], 1.0, 0.0) == ON_LIDAR
     drive.ranges_m[BEAMS // 2 - 120 : BEAMS // 2 + 120] = math.nan
     drive.scan()
     for _ in range(4):
-        verdict = drive.scan()[1].limit(1.0, 0.0)
+        verdict = judged(drive.scan()[1], 1.0, 0.0)
     assert (verdict.forward_mps, verdict.reason) == (0.0, "the lidar is blind ahead: uncover it")
     stale = Drive(wall_follow={"method": "report"}, safety={"method": "report"}, age_s=0.4)
-    assert stale.scan()[1].limit(1.0, 0.0).reason == "the scan is too old"
+    assert judged(stale.scan()[1], 1.0, 0.0).reason == "the scan is too old"
 
 
 def test_a_wider_margin_slows_the_car_at_once():
     drive = Drive(ahead_m=1.6)
-    allowed_mps = drive.scan()[1].limit(2.0, 0.0).forward_mps
+    allowed_mps = judged(drive.scan()[1], 2.0, 0.0).forward_mps
     assessment = drive.scan()[1]
     drive.tune(safety={"graded_share": 0.2})
-    assert assessment.limit(2.0, 0.0).forward_mps < allowed_mps, "even the judgement that is in force becomes stricter"
-    assert drive.scan()[1].limit(2.0, 0.0).forward_mps < allowed_mps
+    assert judged(assessment, 2.0, 0.0).forward_mps < allowed_mps, "also the one in force becomes stricter"
+    assert judged(drive.scan()[1], 2.0, 0.0).forward_mps < allowed_mps
 
 
 def test_the_guard_keeps_what_it_knows():

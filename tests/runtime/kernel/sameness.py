@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
+from tests.runtime.in_earnest import judged
 from tests.runtime.kernel.structures import STRUCTURES
 from wallride.drivers.accelerated import FUNCTIONS
 from wallride.drivers.api import MotorState, Scan
@@ -72,9 +73,9 @@ class Drive:
         guidance = self.follower.follow(sweep, motor)
         wish = guidance.drive
         if wish is not None:
-            assessment.limit(wish.speed_mps, wish.steering_rad)
+            judged(assessment, wish.speed_mps, wish.steering_rad)
         for asked in ((4.0, 0.3), (1.0, -0.34), (-0.4, 0.2)):
-            assessment.limit(*asked)
+            judged(assessment, *asked)
         self.scans += 1
 
     def see_ranges(self, ranges_m, **how):

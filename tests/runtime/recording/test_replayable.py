@@ -51,7 +51,7 @@ def replayed(content):
             case DecisionEvent():
                 words |= event.words
                 clock.times_s = list(event.times_s[2:])  # the mux's own, and that of the commands' expiry
-                decision = arbitrate([words[source] for source in event.live], REQUIRED, settings.effective_order())
+                decision, _ = arbitrate([words[source] for source in event.live], REQUIRED, settings.effective_order())
                 drive = limiter.limit(decision.speed_mps, decision.steering_rad, event.elapsed_s, decision.brake_mps2)
                 yield repr((decision, drive)), repr((event.output.decision, event.output.drive))
             case _:

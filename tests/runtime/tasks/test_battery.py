@@ -44,7 +44,7 @@ class Car:
             self.clock.now_s += 0.05
             self.motor.report = replace(FINE, stamp_s=self.clock.now_s, voltage_v=voltage_v)
             self.limit.check()
-        return arbitrate(self.queue.live(), frozenset(), ORDER)
+        return arbitrate(self.queue.live(), frozenset(), ORDER)[0]
 
 
 def test_the_battery_comes_right_after_the_e_stop():

@@ -6,8 +6,9 @@ import math
 
 import pytest
 
+from tests.runtime.decisions import Counting
 from wallride.drivers.api import Drive
-from wallride.runtime.arbitration.command import LAB_ORDER, DriveCommand, Source
+from wallride.runtime.arbitration.command import LAB_ORDER, DriveCommand, Source, SpeedLimit
 from wallride.runtime.arbitration.command_queue import CommandQueue
 from wallride.runtime.control.limiter import Limiter, Limits
 from wallride.runtime.realtime.periodic import PeriodicTimer
@@ -182,3 +183,18 @@ def test_each_decision_is_published_kept_counted_and_logged():
     assert {id(output) for output in published} <= {id(output) for *_, output in steps}
     assert rig.mux.seconds_by_winner["teleop"] == pytest.approx(0.05, abs=0.021)
     assert all(times_s[0] == output.stamp_s for times_s, *_, output in steps)
+
+
+def test_what_a_command_leaves_in_safety_is_committed_once_when_it_is_sent():
+    async def story(rig):
+        judge = Counting()
+        rig.queue.put(SpeedLimit(Source.SAFETY, judge), expires_at_s=rig.clock() + 10.0)
+        rig.mux.step()
+        assert judge.memory == 0, "nothing was sent"
+        wish = DriveCommand(Source.NAVIGATION, Drive(1.0, 0.0), None, "wall")
+        rig.queue.put(wish, expires_at_s=rig.clock() + 10.0)
+        for sent in (1, 2):
+            rig.mux.step()
+            assert judge.memory == sent
+
+    play(story)

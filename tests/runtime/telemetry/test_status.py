@@ -5,6 +5,7 @@ import math
 
 import pytest
 
+from tests.runtime.in_earnest import judged
 from tests.runtime.observed import HandClock, lose, make_observed, output_of, scan_at, speak
 from tests.runtime.reachable import reachable
 from wallride.drivers.api import Drive, MotorState
@@ -107,14 +108,12 @@ def test_a_motor_that_is_gone_has_no_battery_and_no_speed(observed):
 def test_a_cap_that_decided_is_quoted_and_another_is_only_asked_about_standing():
     asked = []
 
-    class Judge:
+    class Judge(Verdict):
         def ask(self, speed_mps, steering_rad):
             asked.append((speed_mps, steering_rad))
             return Verdict(2.0, 0.5, "window dirty")
 
-        limit = ask
-
-    word = SpeedLimit(Source.SAFETY, Judge(), 1.0)
+    word = SpeedLimit(Source.SAFETY, Judge(2.0, 0.5, ""), 1.0)
     bound = Decision(-0.3, 0.1, Source.NAVIGATION, Source.SAFETY, "wall behind", 0.2)
     assert said(word, bound).speed_mps == 0.3, "a ceiling is no direction"
     assert (said(word, bound).reason, said(word, bound).measure, asked) == ("wall behind", 0.2, [])
@@ -203,5 +202,5 @@ def test_asking_leaves_no_trace_in_the_law(observed):
     assert "wall ahead" in found["reason"]
     assert found["speed_mps"] < 2.0
     assert reachable(assessment) == before
-    assessment.limit(2.0, 0.0)
+    judged(assessment, 2.0, 0.0)
     assert reachable(assessment) != before, "being asked in earnest does leave one"

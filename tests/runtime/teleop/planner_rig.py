@@ -97,7 +97,7 @@ class Rig:
 
     @property
     def decision(self):
-        return arbitrate(self.queue.live(), REQUIRED, self.queue.order)
+        return arbitrate(self.queue.live(), REQUIRED, self.queue.order)[0]
 
     def refused(self, name):
         return self.planner_desk.status()["planners"][name]["refused"]

@@ -60,8 +60,8 @@ def safety_is_exceeded(patch):
     real = command._tightest
 
     def tightest(word, caps):
-        real(word, caps)
-        return command.Decision(word.drive.speed_mps, word.drive.steering_rad, word.source, word.source, word.reason)
+        drive, (_, memories) = word.drive, real(word, caps)
+        return command.Decision(drive.speed_mps, drive.steering_rad, word.source, word.source, word.reason), memories
 
     patch.setattr(command, "_tightest", tightest)
 

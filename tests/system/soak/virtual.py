@@ -152,10 +152,10 @@ class _Overheard:
     def __init__(self, assessment: Any, scan_stamp_s: float, oracle: Oracle, clock: Callable[[], float]) -> None:
         self._assessment, self._stamp_s, self._oracle, self._clock = assessment, scan_stamp_s, oracle, clock
 
-    def limit(self, speed_mps: float, steering_rad: float) -> Any:
-        verdict = self._assessment.limit(speed_mps, steering_rad)
+    def judge(self, speed_mps: float, steering_rad: float, memory: Any) -> Any:
+        verdict, memory = self._assessment.judge(speed_mps, steering_rad, memory)
         self._oracle.judged(Judged(self._clock(), self._stamp_s, speed_mps, verdict.forward_mps, verdict.reverse_mps))
-        return verdict
+        return verdict, memory
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._assessment, name)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.own_laws import EASY, HEAD, INIT, STRAIGHT, follow, law_file, limit
+from tests.runtime.in_earnest import judged
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.arbitration.command import Source, arbitrate, consent
 from wallride.runtime.control.own_laws import runner
@@ -48,7 +49,9 @@ class Car:
         self.stack.look(scan, ROLLING)
         self.stack.follow(scan, ROLLING)
         self.costs_s = 0.0
-        decision = arbitrate(self.stack.queue.live(), REQUIRED, self.stack.queue.order)
+        decision, memories = arbitrate(self.stack.queue.live(), REQUIRED, self.stack.queue.order)
+        for assessment, memory in memories:
+            assessment.commit(memory)
         self.costs_s = costs_s
         return decision
 
@@ -350,7 +353,7 @@ def test_an_own_safety_law_lowers_the_limit(law_file):
     car = guard(law_file(limit("Limit(0.4, 0.0, 'slow zone')")))
     decision = car.scan()
     assert (decision.speed_mps, decision.winner, decision.reason) == (0.4, Source.SAFETY, "slow zone")
-    assert car.stack.queue.live()[0].assessment.limit(-1.0, 0.0).reverse_mps == 0.0
+    assert judged(car.stack.queue.live()[0].assessment, -1.0, 0.0).reverse_mps == 0.0
 
 
 @pytest.mark.parametrize("body", [EASY, limit("Limit(math.inf, 0.0)"), limit("Limit(5.0, math.inf)")])

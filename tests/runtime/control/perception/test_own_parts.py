@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.runtime.in_earnest import judged
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.own_parts import MIN_THROUGH_SCANS, PART_RIM_BEAMS, KnownParts, OwnParts
@@ -218,8 +219,8 @@ def backs(car):
     car.look()
     view = car.look()
     assert not (view.solid & behind(view)).any()
-    assert car.assessment.limit(1.0, 0.0).forward_mps == math.inf
-    return car.assessment.limit(-0.4, 0.34).measure > 0.3
+    assert judged(car.assessment, 1.0, 0.0).forward_mps == math.inf
+    return judged(car.assessment, -0.4, 0.34).measure > 0.3
 
 
 def test_a_car_that_backs_out_heeds_what_is_in_doubt():

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.runtime.in_earnest import judged
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.perception.plausibility import (
@@ -244,7 +245,7 @@ def test_the_laws_answer_a_doubt_with_a_stop_and_its_words(method):
     room = Room(judge=laws.plausibility)
     room.drive(0.6, told=-1.0)
     state = MotorState(room.now_s, -1.0, room.distance_m, 0.0, 12.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
-    verdict = laws.look(room.last, state).limit(1.0, 0.0)
+    verdict = judged(laws.look(room.last, state), 1.0, 0.0)
     assert (verdict.forward_mps, verdict.reverse_mps, verdict.reason) == (0.0, 0.0, BACKWARDS)
 
 

@@ -49,7 +49,9 @@ class Car:
 
     def decide(self, assessment):
         live = (SpeedLimit(SAFETY, assessment, assessment.view.scan.stamp_s), self.word)
-        return arbitrate(live, frozenset({SAFETY}), (SAFETY, NAVIGATION))
+        decision, ((judge, memory),) = arbitrate(live, frozenset({SAFETY}), (SAFETY, NAVIGATION))
+        judge.commit(memory)
+        return decision
 
     def look(self):
         self.scans += 1

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.runtime.in_earnest import judged
 from wallride.drivers.api import Drive, MotorState, Scan
 from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.control.recovery.traffic import SETTLED_S
@@ -67,7 +68,7 @@ class Stage:
         if advice.words and (not self.said or self.said[-1] != advice.words):
             self.said.append(advice.words)
         drive = advice.drive or wish or Drive(0.0, 0.0)
-        verdict = self.assessment.limit(drive.speed_mps, drive.steering_rad)
+        verdict = judged(self.assessment, drive.speed_mps, drive.steering_rad)
         self.speed_mps = max(-verdict.reverse_mps, min(verdict.forward_mps, drive.speed_mps))
         self.wheel_rad += max(-0.08, min(0.08, drive.steering_rad - self.wheel_rad))
         step_m = self.speed_mps * SCAN_S
@@ -137,7 +138,7 @@ def test_a_moving_car_is_not_asked_about():
     state = stage.look()
     assert stage.recovery.step(stage.assessment, Drive(2.0, 0.0), state) == NO_ADVICE
     assert not stage.guard.memory.braking
-    assert stage.assessment.limit(2.0, 0.0).forward_mps == 0.0
+    assert judged(stage.assessment, 2.0, 0.0).forward_mps == 0.0
     assert stage.guard.memory.braking
 
 
@@ -304,7 +305,7 @@ def test_a_car_that_sees_nothing_is_not_boxed_in():
     stage = Stage(AHEAD).drive_up()
     stage.surroundings = SegmentGeometry(np.array([[50.0, 50.0, 51.0, 50.0]]))
     stage.go(3.0)
-    assert stage.assessment.limit(1.0, 0.0).reason == "the lidar sees almost nothing: uncover or clean it"
+    assert judged(stage.assessment, 1.0, 0.0).reason == "the lidar sees almost nothing: uncover or clean it"
     assert stage.said == []
 
 
@@ -346,7 +347,7 @@ def test_does_not_back_while_what_came_up_may_stand_behind_unseen():
     stage.manoeuvres(lambda stage: stage.last == TRAFFIC, 5.0)
     stage.go(24.0)
     assert stage.way_m == at_m
-    assert stage.assessment.limit(-0.4, 0.0).reverse_mps > 0, "safety does not know it"
+    assert judged(stage.assessment, -0.4, 0.0).reverse_mps > 0, "safety does not know it"
     stage.surroundings = AHEAD  # it has gone the way it came, unseen
     stage.manoeuvres(free, 40.0)
     assert 25.0 < stage.now_s - since_s < 60.0, "the wait is bounded"

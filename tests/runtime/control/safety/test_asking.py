@@ -1,6 +1,7 @@
-"""A question changes nothing: only `arbitrate`, which sends what it judges, leaves a trace in the safety law."""
+"""Judging changes nothing, whoever judges: the mux alone commits what a command that was sent leaves in the law."""
 
 import re
+from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +9,11 @@ import pytest
 
 import wallride.runtime
 from tests.own_laws import EASY, law_file
+from tests.runtime.in_earnest import judged
 from tests.runtime.observed import HandClock, scan_at
 from tests.runtime.reachable import reachable
-from wallride.drivers.api import MotorState
+from wallride.drivers.api import Drive, MotorState
+from wallride.runtime.arbitration.command import DriveCommand, QueueEntry, Source, SpeedLimit, arbitrate
 from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.safety.swept import SweptAssessment
 from wallride.runtime.settings.tree import load_settings
@@ -18,8 +21,8 @@ from wallride.sim.virtual.devices import ranges_between_walls
 
 __all__ = ["law_file"]
 SCANS = 12
-JUDGES = {"arbitration/command.py", "control/own_laws/guard.py", "live_stack.py"}
-"""Who may judge in earnest: the mux's rule, what forwards its judgement, and the warm-up of a stack of its own."""
+COMMIT = {"tasks/mux.py", "control/own_laws/guard.py"}
+"""The mux, and what forwards its commit."""
 
 
 def assessments(seed, *wanted):
@@ -37,7 +40,7 @@ def assessments(seed, *wanted):
         state = MotorState(clock(), speed_mps, way_m, 0.0, 12.0, 0.0, 0.0, 25.0, "", timed_out=False, killed=False)
         assessment = laws.look(scan_at(clock(), ranges_m), state)
         yield assessment, rng
-        assessment.limit(speed_mps, rng.uniform(-0.3, 0.3))
+        judged(assessment, speed_mps, rng.uniform(-0.3, 0.3))
         laws.learn()
 
 
@@ -55,23 +58,40 @@ def test_a_question_leaves_no_trace_and_is_answered_as_in_earnest(seed):
             answers = assessment.ask(*drive), assessment.ask(*drive)
             assert repr(answers[0]) == repr(answers[1])
             assert reachable(assessment) == before
-        assert repr(assessment.ask(2.0, 0.1)) == repr(assessment.limit(2.0, 0.1))
+        assert repr(assessment.ask(2.0, 0.1)) == repr(judged(assessment, 2.0, 0.1))
         assert reachable(assessment) != before, "in earnest it leaves one"
 
 
+@pytest.mark.parametrize("law", ["swept", "report", EASY])
 @pytest.mark.parametrize("seed", range(6))
-def test_a_judge_changes_no_memory_and_answers_alike(seed):
+def test_a_judge_changes_no_memory_and_answers_alike(seed, law, law_file):
     remembered = 0
-    for assessment, rng in assessments(seed):
+    for assessment, rng in assessments(seed, f"safety.method={law if law != EASY else law_file(law)}"):
         for drive in questions(rng):
-            memory = assessment.guard.memory
+            memory = assessment.memory
             before = reachable(memory)
             answers = {repr(assessment.judge(*drive, memory)) for _ in range(5)}
             assert len(answers) == 1
-            assert assessment.guard.memory is memory
+            assert assessment.memory is memory
             assert reachable(memory) == before
             remembered += assessment.judge(*drive, memory)[1] is not memory
-    assert remembered
+    assert (remembered > 0) == (law != "report"), "the report's law remembers nothing"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_arbitrating_commits_nothing_and_hands_over_what_the_command_leaves(seed):
+    changed = 0
+    for assessment, rng in assessments(seed):
+        before = assessment.memory
+        wish = DriveCommand(Source.TELEOP, Drive(*next(questions(rng))), None, "by hand")
+        live: list[QueueEntry] = [SpeedLimit(Source.SAFETY, assessment, 1.0), wish]
+        for _ in range(3):
+            _, ((judge, memory),) = arbitrate(live, frozenset(), [Source.SAFETY, Source.TELEOP])
+            assert judge is assessment
+            assert assessment.memory is before
+        assert repr(memory) == repr(assessment.judge(*astuple(wish.drive)[:2], before)[1])
+        changed += memory is not before
+    assert changed
 
 
 def test_a_question_leaves_no_trace_under_an_own_law(law_file):
@@ -82,7 +102,8 @@ def test_a_question_leaves_no_trace_under_an_own_law(law_file):
         assert reachable(assessment) == before
 
 
-def test_all_but_the_rule_of_the_mux_ask():
+def test_the_mux_alone_commits():
     root = Path(wallride.runtime.__file__).parent
-    judging = re.compile(r"(assessment|outlook|guard)\.limit\(")
-    assert {str(path.relative_to(root)) for path in root.rglob("*.py") if judging.search(path.read_text())} == JUDGES
+    commits = re.compile(r"\.(commit\(|memory = )")
+    found = {str(path.relative_to(root)) for path in root.rglob("*.py") if commits.search(path.read_text())}
+    assert found - {"control/safety/swept.py"} == COMMIT

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.runtime.in_earnest import judged
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.method_settings import SweptSafetySettings
 from wallride.runtime.control.perception.view import PerceptionCache
@@ -63,7 +64,7 @@ def guard_after(hz: float, beams: int, range_max_m: float) -> SweptGuard:
 def test_the_guard_bounds_the_speed_and_the_status_says_why():
     guard = guard_after(5.5, 360, 12.0)
     assert guard.assessment is not None
-    verdict = guard.assessment.limit(8.0, 0.0)
+    verdict = judged(guard.assessment, 8.0, 0.0)
     assert verdict.forward_mps == pytest.approx(WAY_M * 5.5)
     assert verdict.reason == "no faster with this lidar (6 Hz, 1 deg a beam, 12 m)"
     assert "the lidar allows 1.1 m/s: 6 Hz, 1 deg a beam, 12 m" in guard.words

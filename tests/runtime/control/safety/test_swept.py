@@ -13,6 +13,7 @@ from tests.runtime.control.safety.swept_scenes import (
     wall_at,
     world,
 )
+from tests.runtime.in_earnest import judged
 from wallride.runtime.control.safety import swept_path
 from wallride.runtime.control.safety.footprint import contact_on_arc
 from wallride.runtime.control.safety.stopping import GRAVITY_MPS2, speed_to_stop_within_mps, stopping_distance_m
@@ -55,8 +56,8 @@ def test_what_stands_beside_the_car_stops_its_tail_beside_a_cable_too():
         ranges_m = world((x_m, -0.2, x_m - 0.04, -0.2))
         ranges_m[7:19] = 0.07
         assessment = car.look(ranges_m, speed_mps=0.8, wheel_rad=-0.34 * (x_m < 0.17), moved_m=0.02)
-    assert assessment.limit(1.0, 0.0).forward_mps == math.inf
-    assert assessment.limit(1.0, -0.34).forward_mps < 1.0
+    assert judged(assessment, 1.0, 0.0).forward_mps == math.inf
+    assert judged(assessment, 1.0, -0.34).forward_mps < 1.0
 
 
 def test_grip_widens_the_path():
@@ -129,9 +130,9 @@ def test_with_a_clock_the_age_is_that_of_the_moment():
     car = Car(clock=lambda: now[0])
     now[0] = car.now_s + 0.025
     assessment = car.look(world(wall_at(FRONT_M + 0.6)), speed_mps=2.0)
-    assert assessment.limit(2.0, 0.0).forward_mps > 0
+    assert judged(assessment, 2.0, 0.0).forward_mps > 0
     now[0] += 0.09
-    assert assessment.limit(2.0, 0.0).forward_mps == 0.0
+    assert judged(assessment, 2.0, 0.0).forward_mps == 0.0
 
 
 def test_late_scans_slow_and_stale_scans_stop():
@@ -147,7 +148,7 @@ def test_locked_wheels_are_not_a_standing_car():
     car = Car()
     ranges_m = world(wall_at(FRONT_M + 0.5))
     car.look(ranges_m, speed_mps=3.0)
-    assert car.look(ranges_m, speed_mps=0.0).limit(3.0, 0.0).reason == "braking: wall ahead"
+    assert judged(car.look(ranges_m, speed_mps=0.0), 3.0, 0.0).reason == "braking: wall ahead"
 
 
 OUTER_WALL = ((-2.0, -0.6, 2.4, -0.6), (2.4, -0.6, 2.4, 8.0))
@@ -156,14 +157,14 @@ OUTER_WALL = ((-2.0, -0.6, 2.4, -0.6), (2.4, -0.6, 2.4, 8.0))
 def test_no_gain_of_speed_that_would_carry_the_car_out_of_its_bend():
     """Speeding up takes grip that turning needs, and the faster car needs more of it."""
     assessment = Car().look(world(*OUTER_WALL), speed_mps=1.6, wheel_rad=0.3)
-    holding, gaining = assessment.limit(1.6, 0.3), assessment.limit(4.0, 0.3)
+    holding, gaining = judged(assessment, 1.6, 0.3), judged(assessment, 4.0, 0.3)
     assert holding.forward_mps == math.inf
     assert gaining.reason == "no faster in this bend"
     assert 1.6 <= gaining.forward_mps < 4.0
     nearer = world((-2.0, -0.6, 1.4, -0.6), (1.4, -0.6, 1.4, 8.0))
-    fast = Car().look(nearer, speed_mps=2.0, wheel_rad=0.3).limit(4.0, 0.3)
+    fast = judged(Car().look(nearer, speed_mps=2.0, wheel_rad=0.3), 4.0, 0.3)
     assert (fast.forward_mps, fast.reason) == (2.0, "no faster in this bend")  # and no slower: holding it passes
-    straight = Car().look(world(), speed_mps=1.6, wheel_rad=0.3).limit(4.0, 0.3)
+    straight = judged(Car().look(world(), speed_mps=1.6, wheel_rad=0.3), 4.0, 0.3)
     assert straight.forward_mps == math.inf
 
 
@@ -174,45 +175,45 @@ BESIDE_THE_BEND = (1.2, 0.4, 1.23, 0.3)
 def test_nor_of_speed_that_takes_the_grip_that_the_bend_needs_on_a_slippery_floor():
     """Neither the bend nor the gain needs more than 0.5 g, but both together do (Kamm)."""
     assessment = Car().look(world(BESIDE_THE_BEND), speed_mps=1.5, wheel_rad=0.3)
-    assert assessment.limit(1.5, 0.3).forward_mps == math.inf
-    assert assessment.limit(1.8, 0.3).forward_mps == math.inf
-    assert assessment.limit(2.1, 0.3).reason == "no faster in this bend"
-    assert 1.5 < assessment.limit(2.1, 0.3).forward_mps < 1.8
+    assert judged(assessment, 1.5, 0.3).forward_mps == math.inf
+    assert judged(assessment, 1.8, 0.3).forward_mps == math.inf
+    assert judged(assessment, 2.1, 0.3).reason == "no faster in this bend"
+    assert 1.5 < judged(assessment, 2.1, 0.3).forward_mps < 1.8
 
 
 def test_nor_where_something_farther_on_lets_it_go_faster():
     scan = world(BESIDE_THE_BEND, (-2.0, 1.0, 4.0, 1.0))
     assessment = Car().look(scan, speed_mps=1.5, wheel_rad=0.3)
-    farther = Car().look(world((-2.0, 1.0, 4.0, 1.0)), speed_mps=1.5, wheel_rad=0.3).limit(2.1, 0.3)
+    farther = judged(Car().look(world((-2.0, 1.0, 4.0, 1.0)), speed_mps=1.5, wheel_rad=0.3), 2.1, 0.3)
     assert farther.reason == "slower: wall ahead"
     assert farther.forward_mps > 2.1
-    assert assessment.limit(2.1, 0.3).reason == "no faster in this bend"
+    assert judged(assessment, 2.1, 0.3).reason == "no faster in this bend"
 
 
 def test_at_an_edge_noise_does_not_let_a_fast_car_go_again():
     just_outside = world((2.0, 0.20, 2.0, 0.5))
     assert judge(just_outside, 4.0, speed_mps=3.0).forward_mps == math.inf
     car = Car()
-    assert car.look(world((2.0, 0.16, 2.0, 0.5)), speed_mps=3.0).limit(4.0, 0.0).forward_mps < 4.0
-    assert car.look(just_outside, speed_mps=3.0).limit(4.0, 0.0).forward_mps < 4.0
-    assert car.look(world((2.0, 0.25, 2.0, 0.5)), speed_mps=3.0).limit(4.0, 0.0).forward_mps == math.inf
+    assert judged(car.look(world((2.0, 0.16, 2.0, 0.5)), speed_mps=3.0), 4.0, 0.0).forward_mps < 4.0
+    assert judged(car.look(just_outside, speed_mps=3.0), 4.0, 0.0).forward_mps < 4.0
+    assert judged(car.look(world((2.0, 0.25, 2.0, 0.5)), speed_mps=3.0), 4.0, 0.0).forward_mps == math.inf
     car.now_s += 0.3
-    assert car.look(just_outside, speed_mps=3.0).limit(4.0, 0.0).forward_mps == math.inf
+    assert judged(car.look(just_outside, speed_mps=3.0), 4.0, 0.0).forward_mps == math.inf
 
 
 def test_a_slow_car_keeps_its_narrow_margins():
     car = Car()
-    car.look(world((2.0, 0.16, 2.0, 0.5)), speed_mps=3.0).limit(4.0, 0.0)
+    judged(car.look(world((2.0, 0.16, 2.0, 0.5)), speed_mps=3.0), 4.0, 0.0)
     car.now_s += 0.22  # time to brake, but not to forget
-    assert car.look(world((0.8, 0.20, 0.8, 0.5)), speed_mps=0.9).limit(0.9, 0.0).forward_mps == math.inf
+    assert judged(car.look(world((0.8, 0.20, 0.8, 0.5)), speed_mps=0.9), 0.9, 0.0).forward_mps == math.inf
 
 
 def test_all_questions_about_one_scan_get_the_same_answer():
     car = Car()
     car.look(world((2.0, 0.16, 2.0, 0.5)), speed_mps=3.0)
     assessment = car.look(world((2.0, 0.16, 2.0, 0.5)), speed_mps=3.0)
-    first = assessment.limit(4.0, 0.0)
-    assert [assessment.limit(4.0, 0.0) for _ in range(3)] == [first] * 3
+    first = judged(assessment, 4.0, 0.0)
+    assert [judged(assessment, 4.0, 0.0) for _ in range(3)] == [first] * 3
 
 
 @pytest.mark.parametrize("nonsense", [(math.nan, 0.0), (1.0, math.nan), (math.inf, 0.0)])
@@ -223,12 +224,12 @@ def test_nonsense_is_not_judged(nonsense):
 def test_standing_needs_no_consent_and_starts_no_hold():
     car = Car()
     assessment = car.look(world(wall_at(FRONT_M + 0.1)), speed_mps=2.0)
-    assert assessment.limit(0.0, 0.0).forward_mps == math.inf
+    assert judged(assessment, 0.0, 0.0).forward_mps == math.inf
     assert not car.guard.memory.braking
 
 
 def test_without_a_motor_report_it_still_looks():
-    assert Car().look(world(wall_at(FRONT_M + 0.3)), motor=False).limit(2.0, 0.0).forward_mps < 2.0
+    assert judged(Car().look(world(wall_at(FRONT_M + 0.3)), motor=False), 2.0, 0.0).forward_mps < 2.0
 
 
 def test_the_same_question_is_swept_once(monkeypatch):
@@ -240,13 +241,13 @@ def test_the_same_question_is_swept_once(monkeypatch):
 
     monkeypatch.setattr(swept_path, "contact_on_arc", sweep)
     assessment = Car().look(world(wall_at(1.5)))
-    first = assessment.limit(1.51, 0.1)
+    first = judged(assessment, 1.51, 0.1)
     asked = len(sweeps)
     assert asked > 0
-    assert assessment.limit(1.6, 0.1) == first
+    assert judged(assessment, 1.6, 0.1) == first
     assert len(sweeps) == asked
     assert assessment.strip.contact(0.1, 2.0) is assessment.strip.contact(0.1, 2.0)
     assert assessment.strip.contact(0.1, 2.0).travel_m < 2.0
     asked = len(sweeps)
-    assessment.limit(1.6, 0.2)
+    judged(assessment, 1.6, 0.2)
     assert len(sweeps) == asked + 1

@@ -13,6 +13,7 @@ from tests.runtime.control.safety.swept_scenes import (
     wall_at,
     world,
 )
+from tests.runtime.in_earnest import judged
 from wallride.runtime.control.safety.stopping import GRAVITY_MPS2, stopping_distance_m
 
 BESIDE_A_POST = world((1.3, -0.3, 1.3, -0.1))
@@ -21,7 +22,7 @@ BESIDE_A_POST = world((1.3, -0.3, 1.3, -0.1))
 
 def drives(car, steering_rad, scans, speed_mps=2.5, scan=BESIDE_A_POST):
     for _ in range(scans):
-        verdict = car.look(scan, speed_mps=speed_mps).limit(speed_mps, steering_rad)
+        verdict = judged(car.look(scan, speed_mps=speed_mps), speed_mps, steering_rad)
     return verdict
 
 
@@ -41,7 +42,7 @@ def test_a_driver_who_wavers_is_slowed_and_keeps_its_steering_and_its_brake():
     near = world((0.9, -0.3, 0.9, -0.12))
     car = Car()
     drives(car, -0.05, 5, speed_mps=2.0, scan=world())
-    assert Car().look(near, speed_mps=2.0).limit(2.0, -0.05).forward_mps == 0.0
+    assert judged(Car().look(near, speed_mps=2.0), 2.0, -0.05).forward_mps == 0.0
     wavers = drives(car, 0.34, 1, speed_mps=2.0, scan=near)
     assert wavers.reason == "slower: the driver wavers"
     assert SETTINGS.creep_mps <= wavers.forward_mps < 2.0
@@ -60,7 +61,7 @@ def test_a_pole_that_only_one_beam_meets_is_seen_after_a_few_scans():
     for step in range(6):
         ranges_m = world()
         ranges_m[545] = 3.0 - 0.1 * step
-        verdicts.append(car.look(ranges_m, speed_mps=4.0, moved_m=0.1).limit(4.0, 0.0).forward_mps)
+        verdicts.append(judged(car.look(ranges_m, speed_mps=4.0, moved_m=0.1), 4.0, 0.0).forward_mps)
     assert verdicts[:4] == [math.inf] * 4
     assert max(verdicts[4:]) < 4.0
 
@@ -93,7 +94,7 @@ def test_a_person_who_comes_is_braked_for_before_he_is_near():
     car = Car()
     for step in range(22):
         at_m = 4.3 - (1.5 + 2.0) * 0.025 * step
-        comes = car.look(person(at_m), speed_mps=2.0, moved_m=0.05).limit(2.0, 0.0)
+        comes = judged(car.look(person(at_m), speed_mps=2.0, moved_m=0.05), 2.0, 0.0)
     stands = judge(person(at_m), 2.0, speed_mps=2.0)
     assert stands.forward_mps == math.inf
     assert comes.forward_mps < 2.0
@@ -101,30 +102,30 @@ def test_a_person_who_comes_is_braked_for_before_he_is_near():
 
 def braking_car():
     car = Car()
-    assert car.look(world(wall_at(FRONT_M + 0.3)), speed_mps=2.0).limit(2.0, 0.0).forward_mps == 0.0
+    assert judged(car.look(world(wall_at(FRONT_M + 0.3)), speed_mps=2.0), 2.0, 0.0).forward_mps == 0.0
     return car
 
 
 def test_a_hard_stop_is_held_for_a_fifth_of_a_second():
     car = braking_car()
     for _ in range(7):
-        assert car.look(world(), speed_mps=2.0).limit(2.0, 0.0).forward_mps == 0.0
+        assert judged(car.look(world(), speed_mps=2.0), 2.0, 0.0).forward_mps == 0.0
     car.look(world(), speed_mps=2.0)
-    assert car.look(world(), speed_mps=2.0).limit(2.0, 0.0).forward_mps == math.inf
+    assert judged(car.look(world(), speed_mps=2.0), 2.0, 0.0).forward_mps == math.inf
 
 
 def test_a_moving_car_is_released_only_with_room_to_spare():
     car = braking_car()
     car.now_s += 0.3
     hard_m = 0.05 + stopping_distance_m(1.0, REACTION_S, 0.8 * 0.8 * GRAVITY_MPS2)
-    assert car.look(world(wall_at(FRONT_M + hard_m + 0.15)), speed_mps=1.0).limit(1.0, 0.0).forward_mps == 0.0
-    assert car.look(world(wall_at(FRONT_M + hard_m + 0.25)), speed_mps=1.0).limit(1.0, 0.0).forward_mps > 0.0
+    assert judged(car.look(world(wall_at(FRONT_M + hard_m + 0.15)), speed_mps=1.0), 1.0, 0.0).forward_mps == 0.0
+    assert judged(car.look(world(wall_at(FRONT_M + hard_m + 0.25)), speed_mps=1.0), 1.0, 0.0).forward_mps > 0.0
 
 
 def test_a_standing_car_is_released_by_the_graded_limit():
     car = braking_car()
     car.now_s += 0.5
-    assert car.look(world(wall_at(FRONT_M + 0.2)), speed_mps=0.0).limit(1.0, 0.0).forward_mps > 0.25
+    assert judged(car.look(world(wall_at(FRONT_M + 0.2)), speed_mps=0.0), 1.0, 0.0).forward_mps > 0.25
 
 
 def test_never_slower_than_the_motor_can_hold():

@@ -15,6 +15,7 @@ from tests.runtime.control.safety.swept_scenes import (
     wall_at,
     world,
 )
+from tests.runtime.in_earnest import judged
 from wallride.drivers.api import Scan
 from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.control.safety.no_return_regions import find_dark_regions
@@ -41,7 +42,7 @@ def test_the_dark_end_of_a_corridor_or_a_corner_does_not(left_m, right_m):
         ranges_m[480:600] = np.where(np.isfinite(ranges_m[480:600]), 28.0, np.nan)
         car.look(ranges_m, speed_mps=3.0)
     assessment = car.look(darkened(0, None, left_m, right_m), speed_mps=3.0)
-    assert assessment.limit(3.0, 0.0).forward_mps == math.inf
+    assert judged(assessment, 3.0, 0.0).forward_mps == math.inf
 
 
 def test_a_third_of_the_window_must_be_dark():
@@ -76,7 +77,7 @@ def test_what_is_seen_behind_stops_it():
     behind = world((-0.2, -0.6, -0.2, -0.36), (-0.2, 0.36, -0.2, 0.6))
     assert judge(behind, -0.5).reverse_mps == 0.5
     close = Car().look(world((-0.15, 0.19, 0.3, 0.19)))
-    assert close.limit(-0.5, -0.34).reverse_mps == 0.0  # the nose swings into the wall on the left
+    assert judged(close, -0.5, -0.34).reverse_mps == 0.0  # the nose swings into the wall on the left
 
 
 def test_a_corner_that_swings_to_a_wall_beside_keeps_half_of_the_room():
@@ -85,23 +86,23 @@ def test_a_corner_that_swings_to_a_wall_beside_keeps_half_of_the_room():
     for _ in range(24):
         car.look(beside, speed_mps=1.0, moved_m=0.05)
     standing = car.look(beside)
-    assert standing.limit(-0.4, 0.0).reverse_mps == 0.5
-    assert standing.limit(-0.4, -0.34).reverse_mps == 0.0  # the nose
-    assert standing.limit(-0.4, 0.34).reverse_mps == 0.0  # the tail, where only the memory sees
-    assert standing.limit(-0.4, 0.34).reason == "wall behind"
+    assert judged(standing, -0.4, 0.0).reverse_mps == 0.5
+    assert judged(standing, -0.4, -0.34).reverse_mps == 0.0  # the nose
+    assert judged(standing, -0.4, 0.34).reverse_mps == 0.0  # the tail, where only the memory sees
+    assert judged(standing, -0.4, 0.34).reason == "wall behind"
 
 
 def test_half_a_metre_without_seeing_and_no_more():
     car = Car()
     for _ in range(9):
         assessment = car.look(world(), speed_mps=-0.4, moved_m=-0.05)
-        assert assessment.limit(-0.5, 0.0).reverse_mps > 0
+        assert judged(assessment, -0.5, 0.0).reverse_mps > 0
     car.look(world(), speed_mps=-0.4, moved_m=-0.05)
     assessment = car.look(world(), speed_mps=0.0, moved_m=-0.05)
-    assert assessment.limit(-0.5, 0.0).reverse_mps == 0.0
-    assert assessment.limit(-0.5, 0.0).reason == "backed far enough without seeing"
+    assert judged(assessment, -0.5, 0.0).reverse_mps == 0.0
+    assert judged(assessment, -0.5, 0.0).reason == "backed far enough without seeing"
     assessment = car.look(world(), speed_mps=0.4, moved_m=0.3)
-    assert assessment.limit(-0.5, 0.0).reverse_mps > 0
+    assert judged(assessment, -0.5, 0.0).reverse_mps > 0
 
 
 def test_what_was_passed_is_remembered_behind():
@@ -111,6 +112,6 @@ def test_what_was_passed_is_remembered_behind():
         x_m = 0.6 - 0.1 * step
         car.look(world((x_m, 0.25, x_m + 0.25, 0.25)), speed_mps=1.0, moved_m=0.1)
     assessment = car.look(world(), speed_mps=0.0)
-    assert assessment.limit(-0.5, 0.34).measure < 0.25
-    assert assessment.limit(-0.5, -0.34).measure == math.inf
-    assert Car().look(world()).limit(-0.5, 0.34).measure == math.inf
+    assert judged(assessment, -0.5, 0.34).measure < 0.25
+    assert judged(assessment, -0.5, -0.34).measure == math.inf
+    assert judged(Car().look(world()), -0.5, 0.34).measure == math.inf

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.runtime.in_earnest import judged
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.view import PerceptionCache
@@ -238,7 +239,7 @@ class Safety:
         step_rad = math.radians(0.25)
         sent_m = np.asarray(ranges_m, np.float32)
         scan = Scan(self.now_s, self.now_s, -540 * step_rad, step_rad, 0.02, 30.0, sent_m, 0)
-        return self.guard.look(scan, motor).limit(wanted_mps, 0.0)
+        return judged(self.guard.look(scan, motor), wanted_mps, 0.0)
 
 
 @pytest.mark.parametrize("reads_m", [0.03, 0.085, 0.12, 0.14])
