@@ -3,10 +3,10 @@
 Everything else is imported when it is needed, never before.
 """
 
-from pathlib import Path
-from typing import TYPE_CHECKING
-
+TYPE_CHECKING = False  # that of `typing`, whose import is long enough for a Ctrl-C to hit it
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from wallride.clients.remote.car import RemoteCar
     from wallride.clients.remote.recording import RecordedCar
 
@@ -14,7 +14,7 @@ __all__ = ["connect", "open_recording"]
 
 
 def connect(
-    car: str | None = None, *, at: str | None = None, keys: Path | str | None = None, session: int | None = None,
+    car: str | None = None, *, at: str | None = None, keys: "Path | str | None" = None, session: int | None = None,
     name: str | None = None,
 ) -> "RemoteCar":  # fmt: skip
     """Connect to a car: iterators over its topics, its parameters, driving, recording (docs/python.md).
@@ -28,7 +28,7 @@ def connect(
     return connect_to(car, at=at, keys=keys, session=session, name=name)
 
 
-def open_recording(path: Path | str) -> "RecordedCar":
+def open_recording(path: "Path | str") -> "RecordedCar":
     """Open a recording (.mcap) as if it were a car: the same topics and values."""
     from wallride.clients.remote.recording import open_recording as open_file
 

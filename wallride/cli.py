@@ -29,7 +29,6 @@ from wallride.deploy import options as deploy_options
 from wallride.failure import (
     TRACEBACK_VARIABLE,
     USAGE_ERROR,
-    ask_again_for_lost_interrupts,
     fail,
     fail_at_place,
     forget_output,
@@ -77,7 +76,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def command() -> int:
     """Run the command of this process; the threads and exit handlers of an own law do not put its end off."""
     code = 1
-    ask_again_for_lost_interrupts()
     try:
         code = main()
     finally:

@@ -48,6 +48,15 @@ def forget_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
+def open_missing_streams() -> None:
+    """Let standard streams that were closed (`COMMAND 2>&-`) lead nowhere, before a file gets their descriptors."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            stream = Path(os.devnull).open(mode, encoding="utf-8")  # noqa: SIM115 - as long as the process runs
+            os.set_inheritable(stream.fileno(), True)  # noqa: FBT003 - os has it so
+            setattr(sys, name, stream)
+
+
 def ask_again_for_lost_interrupts() -> None:
     """Raise a Ctrl-C anew that Python has printed as "ignored": imports have callbacks that lose exceptions."""
     shown = sys.unraisablehook

@@ -86,7 +86,7 @@ def _present(path: Path, base: Path | None) -> tuple[str, tuple[int, int, int] |
         if base is not None and not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)
             return f"# What `wallride param save` and the page's Save changed, on top of {base.name}.\n\n", None
-        return path.read_bytes().decode(), _moment(path)
+        return path.read_bytes().decode("utf-8-sig"), _moment(path)
     except (OSError, UnicodeDecodeError) as error:
         raise StoreError(f"{path}: cannot be read: {_why(error)}") from None
 
@@ -202,7 +202,7 @@ def marked(path: Path) -> dict[str, Any]:
     A file that cannot be read has none; loading it says why.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError):
         return {}
     try:

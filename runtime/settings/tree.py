@@ -30,6 +30,7 @@ from wallride.runtime.control.method_settings import (
 )
 from wallride.runtime.control.own_laws.law_class import OWN_TAG, known_law
 from wallride.runtime.control.vehicle import NAME_RULE, CarSettings
+from wallride.runtime.host.text_file import TextFileError, read_text
 from wallride.runtime.own_drivers.driver_class import known_driver
 from wallride.runtime.settings.devices import (
     DEFAULT_DRIVERS,
@@ -55,7 +56,6 @@ _TAGS = TAGS | DRIVER_TAGS
 """Parts of the place of an error that stand in no file: which member of a union was read."""
 
 
-MAX_FILE_B = 1_000_000
 GONE = frozenset({"process.prefetch"})
 """Settings that older files may hold, and that have no effect any more."""
 
@@ -249,19 +249,15 @@ def _method(section: str, values: Mapping[str, Any]) -> object:
 def read_tree(path: Path) -> dict[str, Any]:
     """Return a file's content, not yet checked; SettingsError when it cannot be read."""
     try:
-        with path.open("rb") as file:
-            content = file.read(MAX_FILE_B + 1)  # a device may have no end
-        if len(content) > MAX_FILE_B:
-            raise SettingsError(f"{path}: is not a settings file: it is longer than {MAX_FILE_B // 1_000_000} MB")
-        return tomllib.loads(content.decode())
+        return tomllib.loads(read_text(path))
     except FileNotFoundError:
         raise SettingsError(f"{path}: no such file; see config/car.toml for one to start from") from None
     except IsADirectoryError:
         raise SettingsError(f"{path}: is a directory; name the .toml file in it") from None
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read ({error.strerror}); check its owner and mode") from None
-    except UnicodeDecodeError:
-        raise SettingsError(f"{path}: is not a text file; a settings file is TOML in UTF-8") from None
+    except TextFileError as error:
+        raise SettingsError(f"{path}: is not a settings file: {error}") from None
     except tomllib.TOMLDecodeError as error:
         raise SettingsError(f"{path}: is not valid TOML: {error}") from None
     except (RecursionError, ValueError) as error:  # thousands of brackets, or of digits

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from wallride.runtime.host.text_file import TextFileError, read_text
 from wallride.sim.world.ball_contour import ring_along
 from wallride.sim.world.grid import GridGeometry
 from wallride.sim.world.place import START_DISTANCE_M, World
@@ -19,6 +20,7 @@ MIN_LENGTH_M: Final = 5.86
 BALLS_M: Final = tuple(round(START_DISTANCE_M - 0.1 * step, 1) for step in range(7))
 PATH_SUFFIX: Final = ".path.csv"
 """Ending of the file beside a map, in place of .yaml, with the path of the lap that the map was made of."""
+MAX_PATH_MB: Final = 20
 JOINS_WITHIN_M: Final = 1.0
 """Maximum gap between the last point of a path and its first."""
 
@@ -103,7 +105,7 @@ def read_path(path: Path) -> Floats:
     """
     names: Sequence[str] = ()
     rows: list[tuple[float, float]] = []
-    for number, text in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
+    for number, text in enumerate(_text_of(path).splitlines(), 1):
         cells = text.strip().lstrip("#").replace(";", " ").replace(",", " ").split()
         if not cells:
             continue
@@ -116,6 +118,13 @@ def read_path(path: Path) -> Floats:
         except (IndexError, ValueError):
             raise NoRingError(f"{path}, line {number}: no x and y in {text.strip()[:60]!r}") from None
     return np.array(rows, dtype=np.float64).reshape(-1, 2)
+
+
+def _text_of(path: Path) -> str:
+    try:
+        return read_text(path, MAX_PATH_MB, errors="replace")
+    except TextFileError as error:
+        raise NoRingError(f"{path} is not the file of a path: {error}") from None
 
 
 def _along_the_wall(geometry: GridGeometry, world: World) -> Floats:

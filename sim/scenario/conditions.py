@@ -14,6 +14,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
+from wallride.runtime.host.text_file import read_text
 from wallride.sim.car.vehicle_settings import VehicleSettings
 from wallride.sim.car.wiring import NO_ERRORS, WiringErrors
 from wallride.sim.scenario.obstacle_text import read_obstacle
@@ -183,10 +184,10 @@ def _named(wishes: RequestedConditions) -> dict[str, Any]:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text())
+        return tomllib.loads(read_text(path))
     except OSError as error:
         raise ConditionsError(f"--conditions {path}: cannot be read ({error.strerror})") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (RecursionError, ValueError) as error:
         raise ConditionsError(f"--conditions {path}: is not valid TOML: {error}") from None
 
 

@@ -9,6 +9,8 @@ from datetime import date, time
 from pathlib import Path
 from typing import Any
 
+from wallride.runtime.host.text_file import TextFileError, read_text
+
 KeyPath = tuple[str | int, ...]
 _HEADER = re.compile(r"^\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
 _KEY = re.compile(r"""^\s*((?:[\w-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[\w-]+|"[^"]*"|'[^']*'))*)\s*=(.*)$""")
@@ -46,16 +48,18 @@ class TomlText:
 def read_toml(path: Path) -> TomlText:
     """Return a file's content; FileMistakeError when it cannot be read."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
         tree = tomllib.loads(text)
     except OSError as error:
         raise FileMistakeError(f"{path}: cannot be read ({error.strerror})") from None
+    except TextFileError as error:
+        raise FileMistakeError(f"{path}: is not a TOML file: {error}") from None
     except tomllib.TOMLDecodeError as error:
         found = _AT_LINE.search(str(error))
         line = found.group(1) if found else str(text.count("\n") + 1)
         raise FileMistakeError(f"{path}:{line}: is not valid TOML: {_AT_LINE.sub('', str(error))}") from None
     except (RecursionError, ValueError) as error:
-        raise FileMistakeError(f"{path}: is not a TOML file in UTF-8 ({type(error).__name__})") from None
+        raise FileMistakeError(f"{path}: is not a TOML file ({type(error).__name__})") from None
     read = TomlText(path, tree, _lines_of(text))
     if (place := _date_in(tree)) is not None:
         raise read.mistake(place, f"{'.'.join(map(str, place))} is a date or a time; write a number or a text")

@@ -80,6 +80,8 @@ def test_check_prints_what_is_in_effect():
         (["sim", "--pose", "1e9,2,0", "--headless"], ["--pose 1e9,2,0", "no wall is within 10 m", "loop"]),
         (["sim", "dead_end", "--laps", "1", "--headless"], ["--laps 1", "no lap"]),
         (["sim", "--plot", "nowhere/plot.png"], ["--plot", "nowhere"]),
+        (["sim", "--conditions", "/dev/zero", "--headless"], ["--conditions /dev/zero", "it is longer than 1 MB"]),
+        (["lab", "sweep", "/dev/zero"], ["/dev/zero", "it is longer than 1 MB"]),
         (["sim", "--set", "wall_follow.side=up"], ["wall_follow.side = 'up'"]),
     ],
     ids=lambda value: " ".join(value)[:50],

@@ -61,6 +61,39 @@ def test_a_full_disk_behind_the_output_is_a_sentence(command, unbuffered, tmp_pa
     assert "Traceback" not in answer.stderr
 
 
+INTERRUPTED_IMPORT = """
+import signal, sys
+class Interrupting:
+    def find_spec(self, name, *_):
+        if name == "wallride.cli":
+            signal.raise_signal(signal.SIGINT)
+sys.meta_path.insert(0, Interrupting())
+from wallride.__main__ import start
+sys.exit(start())
+"""
+
+
+@pytest.mark.parametrize(
+    ("command", "code"),
+    [
+        ("check >&-", 0),
+        ("check 2>&-", 0),
+        ("logs <&- >&- 2>&-", 0),
+        ("check nowhere.toml 2>&-", 2),
+        ("mointor 2>&-", 2),
+    ],
+)
+def test_a_closed_output_changes_no_exit_code(command, code, tmp_path):
+    answer = typed(f"$PYTHON -m wallride {command}", tmp_path)
+    assert (answer.returncode, "Traceback" in answer.stderr) == (code, False)
+
+
+def test_a_ctrl_c_while_modules_are_imported_ends_without_a_word(tmp_path):
+    (tmp_path / "late.py").write_text(INTERRUPTED_IMPORT)
+    answer = typed("$PYTHON late.py check", tmp_path)
+    assert (answer.returncode, answer.stdout, answer.stderr) == (130, "", "")
+
+
 def test_a_reader_that_has_seen_enough_is_no_error(tmp_path):
     answer = typed("$PYTHON -m wallride completion bash | head -1", tmp_path)
     assert (answer.returncode, answer.stderr) == (0, "")

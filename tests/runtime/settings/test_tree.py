@@ -1,5 +1,6 @@
 """Layers, and messages that name the key and the remedy."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -82,7 +83,7 @@ def test_a_wrong_value_is_one_clear_message(assignment, words):
         (lambda path: None, ["no such file", "config/car.toml"]),
         (lambda path: path.mkdir(), ["is a directory"]),
         (lambda path: path.write_text("[wall_follow\n"), ["not valid TOML"]),
-        (lambda path: path.write_bytes(b"\xff\xfe\x00"), ["not a text file"]),
+        (lambda path: path.write_bytes(b"\xff\xfe\x00"), ["not text in UTF-8"]),
         (lambda path: path.write_text("wall_follow = 3\n"), ["wall_follow"]),
     ],
 )
@@ -155,6 +156,19 @@ def test_a_setting_that_is_gone_is_named_with_the_remedy(tmp_path):
     file.write_text("[process]\nprefetch = true\n")
     with pytest.raises(SettingsError, match=r"car\.toml: process\.prefetch is not a setting any more; delete it$"):
         load_settings(file)
+
+
+def test_a_byte_order_mark_is_no_part_of_the_file(tmp_path):
+    file = tmp_path / "car.toml"
+    file.write_text("[wall_follow]\nside = 'right'\n", encoding="utf-8-sig")
+    assert load_settings(file).wall_follow.side == "right"
+
+
+@pytest.mark.timeout(10)
+def test_a_pipe_without_a_writer_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "car.toml")
+    with pytest.raises(SettingsError, match=r"car\.toml: is not a settings file: it is a pipe$"):
+        load_settings(tmp_path / "car.toml")
 
 
 def test_a_file_without_an_end_is_refused_and_not_read_for_ever():
