@@ -1,4 +1,4 @@
-"""The rules that a scan of any driver keeps. Pure; the contract is `Scan` in `drivers/api.py`.
+"""The rules that a scan of any driver keeps, and what a car needs of a lidar. Pure; the contract is `Scan` in `api.py`.
 
 The car judges by this what drivers from outside deliver, and the conformance kit what all of them do.
 """
@@ -17,7 +17,47 @@ FUTURE_S: Final = 0.002
 """Tolerance of a stamp that is ahead of the clock: of two readings of it."""
 MOVED_RAD: Final = 0.05
 """Change of an edge of the field from one scan to the next that another number of beams does not explain."""
+SIDE_RAD: Final = math.radians(89.5) - 1e-3
+"""Minimum field of view to each side: a car needs to see beside itself. Half a degree less than a right angle, because
+a field of 180 degrees may end one step short of it; and the rounding of a step, over half a turn."""
+MAX_RANGE_MIN_M: Final = 0.3
+"""Longest blind ring around a lidar. With 1 m, the car lost a wall from sight before it stood, and drove into it."""
+MIN_RATE_HZ: Final = 5.0
+COARSEST_DEG: Final = 2.0
+"""Of a scan: the coarsest grid of a turning lidar. The speed is bounded by the step as well (decision 47)."""
+_SLOW_S: Final = 1.1 / MIN_RATE_HZ
+"""Period of a lidar that is too slow, with 10 % for the speed of its head."""
+_SLOW_SCANS: Final = 5
+"""Long periods in a row that make a lidar too slow; fewer are scans that were lost."""
 _NUMBERS: Final = ("stamp_s", "received_s", "angle_min_rad", "angle_step_rad", "range_min_m", "range_max_m", "ray_s")
+
+
+def unfit(right_rad: float, left_rad: float, step_rad: float, range_min_m: float, coarsest_deg: float) -> str:
+    """Return why no car can drive by a lidar, as words after its name; "" where one can.
+
+    right_rad, left_rad: bearings of its first and last beam. coarsest_deg: maximum step.
+    """
+    if left_rad - right_rad < math.tau - 1.5 * step_rad and (right_rad > -SIDE_RAD or left_rad < SIDE_RAD):
+        return (
+            f"sees from {math.degrees(right_rad):.0f} to {math.degrees(left_rad):.0f} degrees, and a car needs -90"
+            " to 90: take a sensor with a wider field, or set its full field"
+        )
+    if (step_deg := math.degrees(step_rad)) > coarsest_deg * (1 + 1e-6):
+        needed = f"{coarsest_deg:g} degree{'s' * (coarsest_deg != 1)}"
+        return f"has a beam every {step_deg:.2g} degrees, and a car needs {needed} or less: take a finer sensor"
+    if range_min_m > MAX_RANGE_MIN_M:
+        return (
+            f"sees nothing nearer than {range_min_m:.2g} m, and a car needs {MAX_RANGE_MIN_M:g} m or less: take a"
+            " sensor that sees nearer"
+        )
+    return ""
+
+
+def too_slow(rate_hz: float) -> str:
+    """Return that a lidar turns too slowly, as words after its name; "" where it does not."""
+    if rate_hz >= MIN_RATE_HZ:
+        return ""
+    return f"turns at {rate_hz:.2g} Hz, and a car needs {MIN_RATE_HZ:g} Hz or more: set its motor faster"
 
 
 class ScanCheck:
@@ -25,6 +65,7 @@ class ScanCheck:
 
     def __init__(self) -> None:
         self._before: Scan | None = None
+        self._slow = 0
 
     def fault(self, scan: object, now_s: float) -> str:
         """Return what is wrong with a scan, as words after the driver's name; "" where it may be used.
@@ -35,13 +76,21 @@ class ScanCheck:
             return f"delivered a {type(scan).__name__} where a Scan is needed"
         fault = _form(scan) or _time(scan, now_s) or _field(scan) or _ranges(scan)
         if not fault and self._before is not None:
-            fault = _order(scan, self._before)
+            fault = _order(scan, self._before) or self._pace(scan.stamp_s - self._before.stamp_s)
         self._before = scan
         return fault
+
+    def _pace(self, period_s: float) -> str:
+        self._slow = self._slow + 1 if period_s > _SLOW_S else 0
+        return too_slow(1 / period_s) if self._slow >= _SLOW_SCANS else ""
 
 
 def _form(scan: Scan) -> str:
     ranges_m: Any = scan.ranges_m  # whatever it really is
+    if (
+        isinstance(ranges_m, np.ndarray) and type(ranges_m) is not np.ndarray
+    ):  # a mask hides ranges from each rule below
+        return f"delivered ranges_m as a {type(ranges_m).__name__}: fill it with NaN, numpy.asarray(..., numpy.float32)"
     if not isinstance(ranges_m, np.ndarray) or ranges_m.ndim != 1 or ranges_m.dtype != np.float32:
         return "delivered ranges_m that is no array (n,) of float32"
     if not 2 <= ranges_m.size <= MAX_BEAMS:
@@ -74,7 +123,7 @@ def _field(scan: Scan) -> str:
         return f"delivered angle_min_rad = {scan.angle_min_rad:.3g}, which is no bearing"
     if not 0 <= scan.range_min_m < scan.range_max_m <= MAX_RANGE_M:
         return f"delivered ranges from {scan.range_min_m:g} to {scan.range_max_m:g} m, which no lidar has"
-    return ""
+    return unfit(*_edges_rad(scan), scan.angle_step_rad, scan.range_min_m, COARSEST_DEG)
 
 
 def _ranges(scan: Scan) -> str:

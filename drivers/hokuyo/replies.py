@@ -8,15 +8,12 @@ from typing import Final, Self
 
 from wallride.drivers.api import ProtocolError, printable
 from wallride.drivers.hokuyo.codec import ReplyBlock
+from wallride.drivers.scan_check import too_slow, unfit
 
 MAX_RANGE_MM: Final = 262143
 """Maximum value of three characters."""
 _MAX_STEP: Final = 9999  # four digits in a command
-_SIDE_RAD: Final = math.radians(89.5)
-"""Minimum field of view to each side: a car needs to see beside itself. Half a degree less than a right angle, because
-a field of 180 degrees may end one step short of it."""
-_COARSEST_RAD: Final = math.radians(1.0) * (1 + 1e-9)
-_MIN_RPM: Final = 300
+_COARSEST_DEG: Final = 1.0
 
 
 def decode_number(text: bytes) -> int | None:
@@ -88,18 +85,9 @@ class SensorParameters:
     @property
     def unfit(self) -> str:
         """Reason why the sensor is unfit for driving, "" where it is fit."""
-        right_rad, left_rad = self.angle_rad(self.first_step), self.angle_rad(self.last_step)
-        if right_rad > -_SIDE_RAD or left_rad < _SIDE_RAD:
-            return (
-                f"sees from {math.degrees(right_rad):.0f} to {math.degrees(left_rad):.0f} degrees, and a car needs -90"
-                " to 90: take a sensor with a wider field, or set its full field"
-            )
-        if self.angle_step_rad > _COARSEST_RAD:
-            step_deg = math.degrees(self.angle_step_rad)
-            return f"has a beam every {step_deg:.2g} degrees, and a car needs 1 degree or less: take a finer sensor"
-        if self.speed_rpm < _MIN_RPM:
-            return f"turns at {self.rate_hz:.2g} Hz, and a car needs 5 Hz or more: set its motor faster"
-        return ""
+        edges_rad = self.angle_rad(self.first_step), self.angle_rad(self.last_step)
+        view = unfit(*edges_rad, self.angle_step_rad, self.range_min_mm / 1000, _COARSEST_DEG)
+        return view or too_slow(self.rate_hz)
 
     def angle_rad(self, step: int) -> float:
         """Return the direction of a step, 0 = front, left positive, for a sensor mounted upright."""

@@ -50,7 +50,7 @@ LIES = {
         "scan = replace(scan, angle_step_rad=2 * scan.angle_step_rad, angle_min_rad=-3.1)",
         "late_driver:Driver delivered a field of 540 deg",
     ),
-    "turns": ("scan = replace(scan, angle_min_rad=scan.angle_min_rad + 0.8)", "changed its field by 46 deg"),
+    "turns": ("scan = replace(scan, angle_min_rad=scan.angle_min_rad + 0.7)", "changed its field by 40 deg"),
 }
 
 

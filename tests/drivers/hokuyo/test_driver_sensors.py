@@ -19,6 +19,7 @@ from wallride.sim.devices.scip_encode import UST_10LX
         ({"last_step": 890}, "sees from -135 to 88 degrees"),
         ({"steps_per_turn": 348, "first_step": 10, "last_step": 250, "front_step": 130}, "has a beam every 1 degrees"),
         ({"steps_per_turn": 240, "first_step": 0, "last_step": 180, "front_step": 90}, "has a beam every 1.5 degrees"),
+        ({"range_min_mm": 500}, "sees nothing nearer than 0.5 m, and a car needs 0.3 m or less"),
         ({"speed_rpm": 299}, "turns at 5 Hz, and a car needs 5 Hz or more"),
     ],
 )
@@ -38,6 +39,7 @@ async def test_a_sensor_that_no_car_can_be_driven_by_is_refused_with_the_reason(
     [
         {"first_step": 180, "last_step": 899},
         {"steps_per_turn": 360, "first_step": 0, "last_step": 240, "front_step": 120},
+        {"range_min_mm": 300},
         {"speed_rpm": 300},
     ],
 )

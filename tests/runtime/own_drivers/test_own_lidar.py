@@ -4,10 +4,12 @@ import asyncio
 import sys
 import time
 
+import numpy as np
 import pytest
 
 from tests.own_drivers import HEAD, driver_file
-from wallride.drivers.api import LinkState
+from wallride.drivers.api import LinkState, Scan
+from wallride.drivers.scan_check import ScanCheck
 from wallride.runtime.lidars import own_driver_mistakes
 from wallride.runtime.own_drivers.lidar import OwnLidar
 from wallride.runtime.own_drivers.settings import OwnLidarSettings
@@ -22,8 +24,8 @@ DRIVER = """class Driver:
     def scan(self, **changes):
         self.number += 1
         now_s = self.clock()
-        ranges_m = np.full(100, 1 + self.number % 7 / 10, np.float32)
-        return replace(Scan(now_s, now_s, -1.5, 0.03, 0.1, 10.0, ranges_m, self.number), **changes)
+        ranges_m = np.full(121, 1 + self.number % 7 / 10, np.float32)
+        return replace(Scan(now_s, now_s, -1.8, 0.03, 0.1, 10.0, ranges_m, self.number), **changes)
 
     async def run(self, on_scan):
         self.health.link = LinkState.READY
@@ -51,12 +53,28 @@ MISTAKES = {
     "future": ("on_scan(self.scan(received_s=self.clock() + 900))", "received 900 s in the future"),
     "ahead": ("on_scan(self.scan(stamp_s=self.clock() + 0.5))", "stamped a scan 0.5 s after it was received"),
     "nan": ("on_scan(self.scan(stamp_s=math.nan))", "delivered stamp_s that is no finite number"),
-    "infinite": ("on_scan(self.scan(ranges_m=np.full(100, np.inf, np.float32)))", "a beam of inf m, farther than"),
-    "zero": ("on_scan(self.scan(ranges_m=np.zeros(100, np.float32)))", "a beam of 0 m, nearer than"),
-    "float64": ("on_scan(self.scan(ranges_m=np.ones(100)))", "no array (n,) of float32"),
-    "circle": ("on_scan(self.scan(angle_step_rad=0.08))", "delivered a field of 454 deg"),
+    "infinite": ("on_scan(self.scan(ranges_m=np.full(121, np.inf, np.float32)))", "a beam of inf m, farther than"),
+    "zero": ("on_scan(self.scan(ranges_m=np.zeros(121, np.float32)))", "a beam of 0 m, nearer than"),
+    "float64": ("on_scan(self.scan(ranges_m=np.ones(121)))", "no array (n,) of float32"),
+    "circle": ("on_scan(self.scan(angle_step_rad=0.08))", "delivered a field of 550 deg"),
+    "masked": (
+        "on_scan(self.scan(ranges_m=np.ma.masked_less(np.ones(121, np.float32), 2)))",
+        "delivered ranges_m as a MaskedArray: fill it with NaN",
+    ),
+    "no left": (
+        "on_scan(self.scan(ranges_m=np.ones(100, np.float32)))",
+        "sees from -103 to 67 degrees, and a car needs -90 to 90",
+    ),
+    "coarse": (
+        "on_scan(self.scan(angle_step_rad=0.036, ranges_m=np.ones(101, np.float32)))",
+        "has a beam every 2.1 degrees, and a car needs 2 degrees or less",
+    ),
+    "blind near": (
+        "on_scan(self.scan(range_min_m=1.0))",
+        "sees nothing nearer than 1 m, and a car needs 0.3 m or less",
+    ),
     "descends": ("on_scan(self.scan(angle_step_rad=-0.03))", "an angle_step_rad of 0 or less"),
-    "field": ("on_scan(self.scan(angle_min_rad=-0.5))", "changed its field by 57 deg"),
+    "field": ("on_scan(self.scan(angle_min_rad=-1.6))", "changed its field by 11 deg"),
     "number": ("on_scan(self.scan(sequence=3))", "delivered scan 3 after scan"),
     "health": ("self.health = 'fine'", "its health is a str, not a Health"),
 }
@@ -108,6 +126,26 @@ def test_what_is_right_passes_unchanged_numbered_anew_and_read_only(driver_file)
     assert [scan.sequence for _, scan in scans] == list(range(len(scans)))
     assert not scans[0][1].ranges_m.flags.writeable
     assert {link for _, link, _ in seen[1:]} == {LinkState.READY}
+
+
+@pytest.mark.parametrize(("period_s", "is_taken"), [(0.15, True), (0.3, False)])
+def test_a_lidar_that_turns_too_slowly_is_refused_and_single_losses_are_not(driver_file, period_s, is_taken):
+    then = f"for _ in range(9): on_scan(self.scan()); await asyncio.sleep({period_s})"
+    _, seen, _, _ = driven(driver_file(DRIVER.format(then=then)), 2.4, degraded_after_s=1.0)
+    told = [message for _, link, message in seen if link is LinkState.FAULTY]
+    assert bool(told) is not is_taken
+    assert is_taken or "turns at 3.3 Hz, and a car needs 5 Hz or more: set its motor faster (" in told[0]
+    then = "for _ in range(20): on_scan(self.scan()); await asyncio.sleep(0.025 if _ % 5 else 0.3)"
+    _, seen, _, _ = driven(driver_file(DRIVER.format(then=then)), 2.4, degraded_after_s=1.0)
+    assert not [message for _, link, message in seen if link is LinkState.FAULTY]
+
+
+@pytest.mark.parametrize(
+    ("first_rad", "step_rad", "count"), [(0.0, 0.01745329, 360), (-3.14159, 0.0087266, 720), (-1.5708, 0.0087266, 360)]
+)
+def test_a_whole_turn_from_any_bearing_and_half_a_turn_one_step_short_are_fields_enough(first_rad, step_rad, count):
+    ranges_m = np.ones(count, np.float32)
+    assert not ScanCheck().fault(Scan(1.0, 1.0, first_rad, step_rad, 0.28, 10.0, ranges_m, 0), 1.0)
 
 
 def test_a_driver_that_hangs_is_told_with_the_line_at_which_it_waits(driver_file):
