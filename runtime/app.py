@@ -31,6 +31,7 @@ from wallride.runtime.realtime.wall_clock import WallClock, never_set
 from wallride.runtime.recording.own_parts_memory import file_in
 from wallride.runtime.recording.recorder import Recorder
 from wallride.runtime.ros.graph import DRIVE
+from wallride.runtime.scan_topic import TopicLidar
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.tasks import health, operator, parameters, recorder, safety, wall_follow
 from wallride.runtime.tasks import lidar as lidar_task
@@ -185,6 +186,8 @@ class Car:
             drive = graph.data_key(DRIVE)
             self.bus.subscribe_attached(drive, self.planners.receive_ros, max_bytes=MAX_DRIVE_B)
             self.bus.subscribe(graph.any_type_key(DRIVE), partial(self.planners.refuse_other_type, drive))
+        if graph is not None and isinstance(self.lidar, TopicLidar):
+            self.lidar.listen(self.bus, graph)
         parameters.serve(self.bus, name, self.parameters)
         recorder.serve(self.bus, name, self.recorder)
         self.bus.answer(topics.key(name, f"{topics.OWN_PARTS}/show"), self.own_parts.answer_show)
@@ -345,14 +348,7 @@ class Car:
         if graph is None:
             return None
         rates, laser = self.settings.telemetry.rates_hz, laser_frame(self.settings.car)
-        return Ros2Sink(
-            self.bus,
-            graph,
-            rates,
-            laser,
-            wall_clock=self.wall_clock,
-            drives=self.settings.ros2.drive,
-        )
+        return Ros2Sink(self.bus, graph, rates, laser, wall_clock=self.wall_clock, drives=self.settings.ros2.drive)
 
     def _surroundings(self, file: Path | None, base: Path | None) -> ServerContext:
         return ServerContext(

@@ -39,6 +39,7 @@ from wallride.runtime.realtime.cpu_latency import awake
 from wallride.runtime.realtime.scan_phase import ScanPhase
 from wallride.runtime.realtime.selector import CheckedSelector
 from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.scan_topic import TopicLidar
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.tasks import parameters
 from wallride.runtime.tasks.computer import ComputerWatch
@@ -266,7 +267,7 @@ async def _drive(
 
 def _devices(
     settings: Settings, clock: Clock, scan_phase: ScanPhase
-) -> tuple[Vesc | OwnMotor, Hokuyo | TurningLidar | OwnLidar]:
+) -> tuple[Vesc | OwnMotor, Hokuyo | TurningLidar | TopicLidar | OwnLidar]:
     motor = motor_for(settings.motor, clock=clock, clear_s=scan_phase.clear_s, replied=scan_phase.replied)
     motion = motion_of(settings.car, lambda: motor.state)
     return motor, lidar_for(settings.lidar, clock=clock, clear_s=scan_phase.clear_s, motion=motion)

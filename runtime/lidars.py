@@ -19,7 +19,9 @@ from wallride.runtime.own_drivers.lidar import OwnLidar
 from wallride.runtime.own_drivers.motor import OwnMotor
 from wallride.runtime.own_drivers.running import DriverRun
 from wallride.runtime.own_drivers.settings import OwnLidarSettings, OwnMotorSettings
+from wallride.runtime.scan_topic import TopicLidar
 from wallride.runtime.settings.devices import AnyLidarSettings, AnyMotorSettings
+from wallride.runtime.settings.scan_topic import TopicLidarSettings
 
 
 def lidar_for(
@@ -28,12 +30,14 @@ def lidar_for(
     clock: Clock = time.monotonic,
     clear_s: Reschedule = as_wanted,
     motion: AskMotion = standing,
-) -> Hokuyo | TurningLidar | OwnLidar:
+) -> Hokuyo | TurningLidar | TopicLidar | OwnLidar:
     """Return the driver, not yet running. motion: how the lidar moves, for those that take long for a turn."""
     if isinstance(settings, HokuyoSettings):
         return Hokuyo(settings, clock=clock, clear_s=clear_s)
     if isinstance(settings, OwnLidarSettings):
         return OwnLidar(settings, clock=clock)
+    if isinstance(settings, TopicLidarSettings):
+        return TopicLidar(settings, clock=clock)
     if isinstance(settings, RplidarSettings):
         return Rplidar(settings, clock=clock, clear_s=clear_s, motion=motion)
     return Ydlidar(settings, clock=clock, clear_s=clear_s, motion=motion)

@@ -276,7 +276,7 @@ def _session(settings: "Settings") -> tuple[dict[str, Any], tuple[str, ...]]:
     from wallride.runtime.security.key_files import car_session
 
     telemetry, ros = settings.telemetry, settings.ros2_graph()
-    keys = access(ros, drives=settings.ros2.drive) if ros is not None else None
+    keys = access(ros, drives=settings.ros2.drive, scans=settings.lidar.driver == "topic") if ros is not None else None
     return car_session(telemetry.listen, telemetry.keys_dir, settings.car.name, datetime.now(UTC), keys)
 
 

@@ -28,7 +28,15 @@ DRIVE = RosTopic("drive", TYPES[topics.OUTPUT])
 """The car's subscription, with `ros2.drive`."""
 
 
-def access(graph: RosGraph, *, drives: bool = False) -> RosAccess:
-    """Return the keys that the access control has to let through. drives: commands are taken on /drive."""
+def scan_source(name: str) -> RosTopic:
+    """Return the topic of the lidar's scans, with `lidar.driver = "topic"`."""
+    return RosTopic(name, TYPES[topics.SCAN])
+
+
+def access(graph: RosGraph, *, drives: bool = False, scans: bool = False) -> RosAccess:
+    """Return the keys that the access control has to let through.
+
+    drives: commands are taken on /drive. scans: the lidar's scans come by the bus.
+    """
     keys = tuple(graph.data_key(topic) for topic in (*PUBLISHED.values(), TF_STATIC))
-    return RosAccess(graph.domain, keys, (graph.data_key(TF_STATIC),), graph.data_key(DRIVE) if drives else "")
+    return RosAccess(graph.domain, keys, (graph.data_key(TF_STATIC),), graph.data_key(DRIVE) if drives else "", scans)

@@ -12,16 +12,17 @@ from wallride.drivers.ydlidar.settings import YdlidarSettings
 from wallride.runtime.host.user_class import OWN_TAG
 from wallride.runtime.own_drivers.driver_class import is_own
 from wallride.runtime.own_drivers.settings import OwnLidarSettings, OwnMotorSettings
+from wallride.runtime.settings.scan_topic import TopicLidarSettings
 
 DEFAULT_DRIVERS: Final[Mapping[str, str]] = {"lidar": "hokuyo", "motor": "vesc"}
 DRIVERS: Final[Mapping[str, tuple[type[BaseModel], ...]]] = {
-    "lidar": (HokuyoSettings, RplidarSettings, YdlidarSettings),
+    "lidar": (HokuyoSettings, RplidarSettings, YdlidarSettings, TopicLidarSettings),
     "motor": (VescSettings,),
 }
 """Settings of the built-in drivers of each kind of device."""
 OWN_DRIVERS: Final[Mapping[str, type[BaseModel]]] = {"lidar": OwnLidarSettings, "motor": OwnMotorSettings}
 """Settings of the user's own drivers, beside the built-in ones."""
-DRIVER_TAGS: Final = frozenset({"hokuyo", "rplidar", "ydlidar", "vesc", OWN_TAG})
+DRIVER_TAGS: Final = frozenset({"hokuyo", "rplidar", "ydlidar", "topic", "vesc", OWN_TAG})
 
 
 def _driver(section: str) -> Discriminator:
@@ -35,12 +36,13 @@ def _driver(section: str) -> Discriminator:
     return Discriminator(tell)
 
 
-AnyLidarSettings = HokuyoSettings | RplidarSettings | YdlidarSettings | OwnLidarSettings
+AnyLidarSettings = HokuyoSettings | RplidarSettings | YdlidarSettings | TopicLidarSettings | OwnLidarSettings
 AnyMotorSettings = VescSettings | OwnMotorSettings
 ChosenLidar = Annotated[
     Annotated[HokuyoSettings, Tag("hokuyo")]
     | Annotated[RplidarSettings, Tag("rplidar")]
     | Annotated[YdlidarSettings, Tag("ydlidar")]
+    | Annotated[TopicLidarSettings, Tag("topic")]
     | Annotated[OwnLidarSettings, Tag(OWN_TAG)],
     _driver("lidar"),
 ]

@@ -154,6 +154,12 @@ class Settings(Section):
         return tuple(order)
 
     @model_validator(mode="after")
+    def _scans_need_a_session(self) -> "Settings":
+        if self.lidar.driver == "topic" and not (self.ros2.enabled and self.telemetry.enabled):
+            raise ValueError('lidar.driver = "topic" needs ros2.enabled = true and telemetry.enabled = true')
+        return self
+
+    @model_validator(mode="after")
     def _drive_needs_its_parts(self) -> "Settings":
         if self.ros2.drive and not (self.ros2.enabled and self.planners.enabled):
             raise ValueError("ros2.drive needs ros2.enabled = true and planners.enabled = true")

@@ -1,9 +1,9 @@
 """The car's session: what comes in waits in small rings of zenoh's own, and the loop empties them when it has time.
 
-No Python runs in zenoh's threads. With a callback for each message, a thread of ordinary priority could be preempted
-while it held the interpreter's lock, and the thread that drives then waited for a processor that a flood kept busy: up
-to 0.9 s without a motor command. A ring that is full drops its oldest message; `wallride.runtime.wire.ingress` bounds
-what one client can put into it.
+No Python runs in zenoh's threads, except for the scans of `lidar.driver = "topic"` (`subscribe_prompt`). With a
+callback for each message, a thread of ordinary priority could be preempted while it held the interpreter's lock, and
+the thread that drives then waited for a processor that a flood kept busy: up to 0.9 s without a motor command. A ring
+that is full drops its oldest message; `wallride.runtime.wire.ingress` bounds what one client can put into it.
 """
 
 import functools
@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.mailbox import Mailbox
 from wallride.runtime.wire.network import MAX_SAMPLE_BYTES, Receive, ReceiveAttached, Reply
 
 if TYPE_CHECKING:
@@ -81,6 +82,28 @@ class CarBus(Bus):
             receive(sample.payload.to_bytes(), note, time.monotonic())
 
         self._whenever_open(lambda: self._poll_samples(key, take, max_bytes))
+
+    def subscribe_prompt(self, key: str, receive: ReceiveAttached, *, max_bytes: int) -> None:
+        """Call `receive` in the loop for every sample of exactly this key, at once instead of in `poll`.
+
+        For a lidar's scans alone, which would be up to 10 ms older by a poll: a thread of zenoh runs Python for each.
+        """
+        self._whenever_open(lambda: self._wake_for(key, receive, max_bytes))
+
+    def _wake_for(self, key: str, receive: ReceiveAttached, max_bytes: int) -> None:
+        mailbox = Mailbox(self._running_loop, receive)
+
+        def on_sample(sample: "zenoh.Sample") -> None:  # zenoh's thread
+            arrival_s = time.monotonic()
+            if str(sample.key_expr) != key:
+                self.strays += 1
+            elif len(sample.payload) > max_bytes:
+                self.oversized += 1
+            else:
+                note = sample.attachment.to_bytes() if sample.attachment is not None else None
+                mailbox.post((sample.payload.to_bytes(), note, arrival_s))
+
+        self._held.append(self._open_session.declare_subscriber(key, on_sample))
 
     def _subscribe(self, key: str, receive: Receive, max_bytes: int = MAX_SAMPLE_BYTES) -> None:
         def take(sample: "zenoh.Sample") -> None:

@@ -82,6 +82,10 @@ class Network(Protocol):
         """Subscribe to a key whose samples carry attachments."""
         ...
 
+    def subscribe_prompt(self, key: str, receive: ReceiveAttached, *, max_bytes: int) -> None:
+        """Subscribe to such a key without waiting for a poll."""
+        ...
+
     def answer(self, key: str, reply: Reply) -> None:
         """Answer queries on a key."""
         ...

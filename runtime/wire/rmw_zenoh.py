@@ -105,12 +105,16 @@ class RosGraph:
 
 @value()
 class RosAccess:
-    """Keys that the session's access control has to let through. drive: of the commands, "" where none are taken."""
+    """Keys that the session's access control has to let through. drive: of the commands, "" where none are taken.
+
+    scans: the lidar's scans come by the bus, from a program on this machine; no certificate has a right to send them.
+    """
 
     domain: int
     published: tuple[str, ...]
     latched: tuple[str, ...]
     drive: str = ""
+    scans: bool = False
 
 
 def node_name(car: str) -> str:

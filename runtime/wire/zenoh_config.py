@@ -120,7 +120,8 @@ def car_config(
     config["transport"]["link"]["rx"] = {"max_message_size": MAX_INCOMING_B}
     config["qos"] = {"network": droppable_answers()}
     config["downsampling"] = downsampling(car)
-    config["low_pass_filter"] = low_pass_filter(MAX_DRIVE_B if ros is not None and ros.drive else COMMAND_BYTES)
+    command_bytes = MAX_DRIVE_B if ros is not None and ros.drive else COMMAND_BYTES
+    config["low_pass_filter"] = low_pass_filter(MAX_INCOMING_B if ros is not None and ros.scans else command_bytes)
     if tls is not None:
         config["access_control"] = access_control(people, car, ros)
     return config

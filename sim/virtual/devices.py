@@ -205,6 +205,12 @@ class MemoryBus:
         """Register the car's subscriber for messages without an attachment of `deliver`."""
         self._readers[key] = lambda _key, payload, arrival_s: receive(payload, None, arrival_s)
 
+    def subscribe_prompt(
+        self, key: str, receive: Callable[[bytes, bytes | None, float], None], *, max_bytes: int
+    ) -> None:  # fmt: skip
+        """Register likewise."""
+        self.subscribe_attached(key, receive, max_bytes=max_bytes)
+
     def answer(self, key: str, reply: Callable[[bytes], bytes | Awaitable[bytes]]) -> None:
         """Register the car's handler for queries of `ask`."""
         self._replies[key] = reply

@@ -37,6 +37,7 @@ class Bench:
         self.scip = scip
         self.vesc = vesc
         self.runtime: RuntimeProcess
+        self.lidar_port = 0
         self.scan_mm: np.ndarray | None = CORRIDOR_MM
         self.last_good_scan_s = 0.0
         self.stamp_jump_ms = 0
@@ -109,10 +110,12 @@ async def bench(
     scip = ScipEmulator()
     port = await scip.start_tcp()
     car = Bench(scip, vesc)
+    car.lidar_port = port
     # The scans here do not move with the car, which only the report's laws do not mind.
     laws = ["wall_follow.method=report", "safety.method=report", "telemetry.enabled=false"]
     own = "own." if any(one.startswith("lidar.driver=") for one in assignments) else ""
-    addresses = [f"lidar.{own}address=tcp://127.0.0.1:{port}", f"motor.address=serial://{tmp_path / 'vesc'}"]
+    addresses = [f"lidar.{own}address=tcp://127.0.0.1:{port}"] if "lidar.driver=topic" not in assignments else []
+    addresses.append(f"motor.address=serial://{tmp_path / 'vesc'}")
     car.runtime = RuntimeProcess(ROOT / "config" / "sim.toml", [*laws, *addresses, *assignments], program=program)
     turning = asyncio.create_task(car.turn())
     try:

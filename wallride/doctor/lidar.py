@@ -12,6 +12,7 @@ from wallride.drivers.api import Health, LinkState, Scan
 from wallride.runtime.ending import end
 from wallride.runtime.lidars import lidar_for
 from wallride.runtime.settings.devices import AnyLidarSettings
+from wallride.runtime.settings.scan_topic import TopicLidarSettings
 
 WANTED_SCANS: Final = 20
 PATIENCE_S: Final = 8.0
@@ -83,6 +84,14 @@ async def look_at_lidar(settings: AnyLidarSettings, *, patience_s: float = PATIE
         for error in await end(running):
             raise error
     return report
+
+
+def scans_from_elsewhere(settings: TopicLidarSettings) -> Finding:
+    """Say what cannot be looked at: scans reach only a car that runs."""
+    return warn(
+        "lidar", f"its scans come from another program, on topic {settings.topic}: not looked at",
+        "start that program and wallride run; wallride status says what comes, or why it is refused",
+    )  # fmt: skip
 
 
 def judge_lidar(report: LidarReport) -> list[Finding]:
