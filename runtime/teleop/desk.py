@@ -216,9 +216,12 @@ class OperatorDesk:
             self._words.release(until_s=session.beat_s + self._settings.expiry_s)
 
     def _leave(self, session: TeleopSession, *, unsure: bool) -> None:
-        """Give the place back. unsure: without a release, as a script that failed: autonomy waits for an operator."""
+        """Give the place back. unsure: without a release, as a script that failed: autonomy waits for an operator.
+
+        A script may fail before its first press: with no operator at the desk its goodbye stops the car all the same.
+        """
         session.over = True
-        if session not in {self._operator, self._lost}:
+        if session not in {self._operator, self._lost} and not (unsure and self._operator is None):
             return
         self._operator = self._lost = None
         if unsure:

@@ -105,6 +105,29 @@ def test_an_operator_who_leaves_unsure_stops_the_car_at_once_and_gives_the_place
     assert rig.speed_mps == HAND_MPS
 
 
+def test_a_script_that_fails_before_its_first_press_stops_the_car_where_no_permit_is_needed():
+    rig = Rig("always")
+    ann = rig.client()
+    ann.send(NOTHING)
+    assert rig.speed_mps == AUTO_MPS
+    ann.send(GOODBYE | Press.UNSURE)
+    assert rig.speed_mps == 0
+    rig.wait(5.0)
+    assert rig.speed_mps == 0, "leaving is no release: autonomy waits for an operator"
+    rig.client("Bob").click()
+    assert rig.speed_mps == HAND_MPS
+
+
+def test_a_script_that_fails_beside_an_operator_changes_nothing():
+    rig = Rig("always")
+    ann, bob = rig.client(), rig.client("Bob")
+    ann.click()
+    bob.send(NOTHING)
+    ann.send(MANUAL)
+    bob.send(GOODBYE | Press.UNSURE)
+    assert rig.speed_mps == HAND_MPS
+
+
 def test_a_lost_operator_may_come_back_to_say_goodbye():
     rig = Rig("always")
     ann = rig.client()
