@@ -98,7 +98,7 @@ def test_scans_out_of_order_are_a_stop(rig):
 def test_a_message_that_cannot_be_trusted_is_a_stop(rig, message):
     rig.drive()
     rig.now_s += STEP_S
-    payload, note = rig.make(beams=541) if message == "geometry" else rig.make()
+    payload, note = rig.make(beams=1001) if message == "geometry" else rig.make()
     if message == "future":
         payload, note = rig.make(clock_s=0.05)
     rig.take((payload[:-9] if message == "damaged" else payload, None if message == "no attachment" else note))
