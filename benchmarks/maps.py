@@ -171,7 +171,7 @@ def measure(lap: MapDrive, data: Path) -> dict[str, Any]:
 
 
 def measure_real(path: Path) -> dict[str, Any]:
-    """Return the figures of a real recording, for which nobody knows the truth."""
+    """Return the figures of a real recording, of which the truth is not known."""
     record = read_record(path)
     begun_s = time.process_time()
     verdict = judge_map(record, close_lap(record), is_open=True)

@@ -87,9 +87,7 @@ class ScanCheck:
 
 def _form(scan: Scan) -> str:
     ranges_m: Any = scan.ranges_m  # whatever it really is
-    if (
-        isinstance(ranges_m, np.ndarray) and type(ranges_m) is not np.ndarray
-    ):  # a mask hides ranges from each rule below
+    if isinstance(ranges_m, np.ndarray) and type(ranges_m) is not np.ndarray:  # a mask hides ranges from the rules
         return f"delivered ranges_m as a {type(ranges_m).__name__}: fill it with NaN, numpy.asarray(..., numpy.float32)"
     if not isinstance(ranges_m, np.ndarray) or ranges_m.ndim != 1 or ranges_m.dtype != np.float32:
         return "delivered ranges_m that is no array (n,) of float32"
