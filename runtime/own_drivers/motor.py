@@ -8,20 +8,26 @@ import asyncio
 import contextlib
 import math
 import time
-from dataclasses import replace
+from dataclasses import fields, replace
+from operator import attrgetter, is_
 from typing import Any, Final, Never
 
 from wallride.drivers.api import Clock, Drive, Health, LinkState, MotorState
 from wallride.drivers.link import Tap
 from wallride.drivers.scan_check import FUTURE_S
+from wallride.runtime.host.user_module import shown_text
 from wallride.runtime.own_drivers.driver_class import load_driver
-from wallride.runtime.own_drivers.running import DriverRun
+from wallride.runtime.own_drivers.running import MAX_WORDS, DriverRun
 from wallride.runtime.own_drivers.settings import OwnMotorSettings
 
 REVERSING_ABOVE_MPS: Final = 0.3
 """Maximum speed for a reversal; a faster car is braked before it drives the other way."""
 MAX_SPEED_MPS: Final = 30.0
-_NUMBERS: Final = ("stamp_s", "speed_mps", "distance_m", "steering_rad")
+_NAMES: Final = tuple(field.name for field in fields(MotorState))
+_VALUES: Final = attrgetter(*_NAMES)
+_TYPES: Final = {"fault": str, "timed_out": bool, "killed": bool}
+"""Fields that are no numbers."""
+_FINITE: Final = ("stamp_s", "speed_mps", "distance_m", "steering_rad")
 
 
 class OwnMotor:
@@ -32,6 +38,7 @@ class OwnMotor:
         self._settings, self._clock = settings, clock
         self._steering_rad = 0.0
         self._reported: MotorState | None = None
+        self._given: tuple[object, ...] = ()  # what the driver's report held when it was taken
         self._begun_s = clock()
         self._latched, self._contradicts = "", False
         self._bad_commands = self._faults = 0
@@ -63,9 +70,7 @@ class OwnMotor:
         run = self._run
         if not run.works():
             return None
-        given = run.call(lambda: run.made.state)
-        if given is not self._reported:
-            self._take(given)
+        run.call(lambda: self._take(run.made.state))
         state = self._reported
         if not run.works() or state is None or self._clock() - state.stamp_s > self._settings.lost_after_s:
             return None
@@ -116,12 +121,13 @@ class OwnMotor:
     def clear_fault(self) -> None:
         """Clear the latched fault, here and, where it has a `clear_fault`, in the driver."""
         self._latched, self._contradicts, self._reported = "", False, None
+        self._given = ()
         clear = getattr(self._run.made, "clear_fault", None)
         if callable(clear) and not self._run.fault:
             self._run.call(clear)
 
     def _begin(self, made: Any) -> Any:  # noqa: ANN401 - the user's
-        self._reported, self._begun_s = None, self._clock()
+        self._reported, self._given, self._begun_s = None, (), self._clock()
         return made.run()
 
     def _allowed(self, drive: Drive, state: MotorState | None) -> Drive:
@@ -141,28 +147,48 @@ class OwnMotor:
         return drive
 
     def _take(self, given: object) -> None:
-        """Take a new report; a wrong one is a fault of the driver, and its own `fault` one of the device."""
-        fault = self._wrong(given) if given is not None else ""
-        if fault:
+        """Take a new report; a wrong one is a fault of the driver, and its own `fault` one of the device.
+
+        It is copied, because a driver may write the next one into the same object.
+        """
+        if given is None:
+            self._reported, self._given = None, ()
+            return
+        values = _VALUES(given) if isinstance(given, MotorState) else ()
+        if values and len(values) == len(self._given) and all(map(is_, values, self._given)):
+            return
+        if fault := _malformed(given, values):
             self._run.refuse(fault, self._run.driver.place)
             return
-        assert given is None or isinstance(given, MotorState)  # noqa: S101 - for the type checker: judged above
-        self._reported = given
-        if given is not None and given.fault and not self._latched:
-            self._latched = str(given.fault)
+        state = MotorState(*(_TYPES.get(name, float)(each) for name, each in zip(_NAMES, values, strict=True)))
+        if fault := self._wrong(state):
+            self._run.refuse(fault, self._run.driver.place)
+            return
+        self._reported, self._given = state, values
+        if state.fault and not self._latched:
+            self._latched = shown_text(state.fault)[:MAX_WORDS]
             self._faults += 1
 
-    def _wrong(self, given: object) -> str:
-        if not isinstance(given, MotorState):
-            return f"reported a {type(given).__name__} where a MotorState is needed"
-        for name in _NUMBERS:
-            number: Any = getattr(given, name)
-            if not isinstance(number, int | float) or not math.isfinite(number):
+    def _wrong(self, state: MotorState) -> str:
+        for name in _FINITE:
+            if not math.isfinite(getattr(state, name)):
                 return f"reported {name} that is no finite number"
-        if abs(given.speed_mps) > MAX_SPEED_MPS:
-            return f"reported {given.speed_mps:.3g} m/s, which no such car drives"
-        if (ahead_s := given.stamp_s - self._clock()) > FUTURE_S:
+        if abs(state.speed_mps) > MAX_SPEED_MPS:
+            return f"reported {state.speed_mps:.3g} m/s, which no such car drives"
+        if (ahead_s := state.stamp_s - self._clock()) > FUTURE_S:
             return f"stamped a report {ahead_s:.3g} s in the future"
-        if self._reported is not None and given.stamp_s < self._reported.stamp_s:
-            return f"jumped back in time by {self._reported.stamp_s - given.stamp_s:.3g} s"
+        if self._reported is not None and state.stamp_s < self._reported.stamp_s:
+            return f"jumped back in time by {self._reported.stamp_s - state.stamp_s:.3g} s"
         return ""
+
+
+def _malformed(given: object, values: tuple[object, ...]) -> str:
+    """Return which value of a report has a wrong type; "" where none has. Numbers may be of a subclass, as numpy's."""
+    if not isinstance(given, MotorState):
+        return f"reported a {type(given).__name__} where a MotorState is needed"
+    for name, each in zip(_NAMES, values, strict=True):
+        needed = _TYPES.get(name)
+        if type(each) is not needed if needed is not None else not isinstance(each, int | float):
+            words = f"a {needed.__name__}" if needed is not None else "a number"
+            return f"reported {name} as a {type(each).__name__} where {words} is needed"
+    return ""

@@ -132,6 +132,11 @@ MISTAKES = {
     "speed": ("self.state.speed_mps = math.nan", "pass", "reported speed_mps that is no finite number"),
     "impossible": ("self.state.speed_mps = 99.0", "pass", "reported 99 m/s, which no such car drives"),
     "future": ("self.state.stamp_s += 9", "pass", "stamped a report 8.98 s in the future"),
+    "no voltage": ("self.state.voltage_v = None", "pass", "reported voltage_v as a NoneType where a number is needed"),
+    "text": ("self.state.input_current_a = '1'", "pass", "reported input_current_a as a str where a number is needed"),
+    "array": ("self.state.killed = np.ones(2)", "pass", "reported killed as a ndarray where a bool is needed"),
+    "no fault": ("self.state.fault = None", "pass", "reported fault as a NoneType where a str is needed"),
+    "huge": ("self.state.distance_m = 10 ** 400", "pass", "raised OverflowError: int too large"),
     "back": ("self.state.stamp_s -= 0.1", "pass", "jumped back in time by 0.08 s"),
 }
 
@@ -167,6 +172,48 @@ def test_a_driver_that_hangs_is_lost_and_told_with_its_line(driver_file):
         assert "no report for 0.7 s (it waits in" in running.motor.health.message
 
     story(driver_file, body, then="await asyncio.Event().wait()")
+
+
+IN_PLACE = """
+                while True:
+                    self.state.stamp_s = self.clock()
+                    if self.clock() > 0.6: {then}
+                    await asyncio.sleep(0.02)"""
+
+
+def test_a_report_that_is_updated_in_place_is_copied_into_plain_numbers(driver_file):
+    async def body(running):
+        await asyncio.sleep(0.7)
+        before = running.motor.state
+        before_m = before.distance_m
+        await asyncio.sleep(0.1)
+        after = running.motor.state
+        assert before.distance_m == before_m
+        assert 0.04 < after.distance_m - before_m < 0.08
+        assert {type(after.speed_mps), type(after.distance_m), type(after.voltage_v)} == {float}
+
+    then = "self.state.distance_m = np.float64(self.state.distance_m + 0.01)"
+    story(driver_file, body, then=IN_PLACE.format(then=then))
+
+
+@pytest.mark.parametrize(
+    ("then", "words"),
+    [
+        ("self.state.stamp_s = 1e9", "stamped a report 1e+09 s in the future"),
+        ("self.state.distance_m = math.nan", "reported distance_m that is no finite number"),
+    ],
+)
+def test_a_mistake_in_a_report_that_is_updated_in_place_is_told(driver_file, then, words):
+    async def body(running):
+        told = []
+        for _ in range(50):
+            running.motor.send(GO)
+            told.append(running.motor.health.message)
+            await asyncio.sleep(0.02)
+        assert any(words in one and ".py:" in one for one in told)
+        assert not running.motor.send(GO) or running.motor.state is None
+
+    story(driver_file, body, then=IN_PLACE.format(then=then))
 
 
 def test_a_driver_that_repeats_its_report_is_lost(driver_file):
