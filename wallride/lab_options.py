@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from wallride.experiments import report_options, tune_options
-from wallride.parser import add_jobs, add_json, add_set, writable_path
+from wallride.parser import add_jobs, add_json, add_set, at_least, writable_path
 from wallride.sim_options import add_car
 from wallride.sweeps import options as sweep_options
 
@@ -96,7 +96,9 @@ def _add_variations(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--speeds", metavar="V,V", help="requested speeds in m/s (default: 1,2,3,4)")
     parser.add_argument("--mu", metavar="MU,MU", help="true friction (default: .5,.8,1)")
     parser.add_argument("--side", metavar="SIDE,SIDE", help="side of the followed wall (default: left,right)")
-    parser.add_argument("--seed", type=int, default=1000, metavar="N", help="first seed of all noise (default: 1000)")
+    parser.add_argument(
+        "--seed", type=at_least(0), default=1000, metavar="N", help="first seed of all noise (default: 1000)"
+    )
     parser.add_argument(
         "--seeds", default="1", metavar="K|A:B", help="number of seeds from the first on, or A to before B (default: 1)"
     )

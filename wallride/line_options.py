@@ -94,7 +94,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         return command.run(options)
     except OSError as error:
-        return fail(f"{error.filename or options.map}: {error.strerror or error}")
+        return fail(f"{error.filename or options.output or 'the output'}: {error.strerror or error}")
     except (SettingsError, ValueError) as error:
         return fail(str(error))
 

@@ -3,9 +3,10 @@
 import argparse
 from pathlib import Path
 
-from wallride.parser import add_config, add_json, add_set, writable_path
+from wallride.parser import add_config, add_json, add_set, at_least, writable_path
 
 MAX_CARS = 32
+PICTURES = (".png", ".pdf", ".svg")
 LIDARS = ("hokuyo", "rplidar", "ydlidar", "a1", "a2", "c1", "s2", "x4", "x2", "g4")
 
 
@@ -33,7 +34,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         help="put a car that touched something back to its start within 3 s and drive on, instead of ending the drive",
     )  # fmt: skip
     sim.add_argument("--pose", metavar="X,Y,THETA", help="start pose of the rear axle [m, m, rad]")
-    sim.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default: 0)")
+    sim.add_argument("--seed", type=at_least(0), default=0, metavar="N", help="seed of all noise (default: 0)")
     sim.add_argument(
         "--lidar", choices=LIDARS,
         help="emulated lidar: a UST-10LX, an RPLIDAR (A1) or YDLIDAR (X4), or a model of these"
@@ -41,7 +42,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     )  # fmt: skip
     sim.add_argument("--recording", type=Path, metavar="FILE", help="play a real recording through the emulated lidar")
     add_json(sim, "the summary")
-    sim.add_argument("--plot", type=writable_path, metavar="FILE.png", help="draw the path and the error over time")
+    sim.add_argument("--plot", type=picture, metavar="FILE.png", help="draw the path and the error over time")
     add_conditions(
         sim.add_argument_group("conditions", "floor, lidar faults and obstacles; keys change them while it drives")
     )
@@ -91,6 +92,14 @@ def cars(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text) <= MAX_CARS:
         raise argparse.ArgumentTypeError(f"{text} is not a number of cars: 1 to {MAX_CARS}")
     return int(text)
+
+
+def picture(text: str) -> Path:
+    """Return the path of a picture to write, for an option."""
+    path = writable_path(text)
+    if path.suffix.lower() not in PICTURES:
+        raise argparse.ArgumentTypeError(f"{text}: name a picture that ends in {', '.join(PICTURES)}")
+    return path
 
 
 def run(options: argparse.Namespace) -> int:

@@ -196,16 +196,15 @@ def build_scene(
         raise SimUsageError(str(error)) from None
     conditions = conditions_of(_wishes(options))
     vehicle = Vehicle(conditions.vehicle, parse_pose(options.pose) if options.pose else world.start)
+    start = f"--pose {options.pose}" if options.pose else f"the start in {world.name}"
     if not world.clearance(vehicle.pose) <= MAX_START_TO_WALL_M:  # NaN is nowhere
         left_m, bottom_m, right_m, top_m = world.bounds_m
         raise SimUsageError(
-            f"--pose {options.pose}: no wall is within {MAX_START_TO_WALL_M:.0f} m;"
+            f"{start}: no wall is within {MAX_START_TO_WALL_M:.0f} m;"
             f" the walls of {world.name} lie at x {left_m:.1f} to {right_m:.1f} m, y {bottom_m:.1f} to {top_m:.1f} m"
         )
     if world.collides(vehicle.pose):
-        raise SimUsageError(
-            f"--pose {options.pose}: the car would stand in a wall of {world.name}; start somewhere free"
-        )
+        raise SimUsageError(f"{start}: the car would stand in a wall of {world.name}; give a --pose where it is free")
     scene = WorldScene(world, side, conditions.lidar, options.laps, options.seed, conditions.things())
     return conditions, scene, vehicle
 

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 
+PYTHONS = (AttributeError, IndexError, KeyError, TypeError)
+"""Errors of a parser that damage leads astray: their texts are about its code, not about the file."""
+
+
 def read_ros(path: Path) -> Tracks:
     """Return all tracks of a ROS recording; of a damaged one the recoverable part, with a note of its size.
 
@@ -103,7 +107,8 @@ def _collect(path: Path, collector: Collector) -> str:
     except UnpackingError as error:
         raise RecordingError(f"{path}: {error}.") from None
     except Exception as error:  # noqa: BLE001 - a parser that meets damage raises anything; the caller reports it
-        return _sentence(error).rstrip(".") or "its records contradict each other"
+        words = "" if isinstance(error, PYTHONS) else _sentence(error).rstrip(".")
+        return words or "its records contradict each other"
     return ""
 
 

@@ -111,6 +111,8 @@ def load_scenario(path: Path, config: Path | None = None, assignments: Sequence[
     config: settings file below the scenario's settings, None for the simulated car's. assignments: KEY=VALUE above.
     """
     text = read_toml(path)
+    if not text.tree:
+        raise text.mistake((), "declares nothing; docs/scenarios.md has a scenario to start from")
     try:
         content = ScenarioContent.model_validate(text.tree)
     except ValidationError as error:

@@ -29,6 +29,8 @@ SURELY_FREE_BELOW = 0.1
 PAPER_EDGES = 3
 MAX_CELLS = 32_000_000
 """Largest map: 280 m square in cells of 5 cm; a small file may claim any size."""
+CELL_M = (0.001, 10.0)
+"""Smallest and largest cell of a map that a car drives in."""
 RAW_FULL = 100.0
 """Value of an occupied cell in the mode "raw"; 0 is free, more than 100 unknown."""
 
@@ -82,16 +84,20 @@ def read_settings(path: Path) -> MapSettings:
         image, cell_m = _image_of(path, str(content["image"])), float(content["resolution"])
         x_m, y_m, yaw_rad = (float(value) for value in content["origin"])
         negate, free_thresh = bool(int(content.get("negate", 0))), float(content.get("free_thresh", 0.196))
+        occupied_thresh = float(content.get("occupied_thresh", 1.0))
     except YamlFileError:
         raise
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ValueError(
-            f"{path}: not a map file ({error}); it needs image, resolution and origin: [x, y, yaw]"
+            f"{path}: not a map file; it needs an image, a resolution in m, and an origin of three numbers: [x, y, yaw]"
         ) from error
-    if not (math.isfinite(cell_m) and cell_m > 0 and all(map(math.isfinite, (x_m, y_m, yaw_rad)))):
+    if not (CELL_M[0] <= cell_m <= CELL_M[1] and all(map(math.isfinite, (x_m, y_m, yaw_rad)))):
         raise ValueError(
-            f"{path}: resolution must be above 0 and origin finite, not {cell_m} and {(x_m, y_m, yaw_rad)}"
+            f"{path}: resolution must be {CELL_M[0]:g} to {CELL_M[1]:g} m and origin finite, not {cell_m} and"
+            f" {(x_m, y_m, yaw_rad)}"
         )
+    if occupied_thresh < free_thresh:
+        raise ValueError(f"{path}: occupied_thresh, {occupied_thresh:g}, is below free_thresh, {free_thresh:g}")
     is_raw = str(content.get("mode", "")).lower() == "raw"
     return MapSettings(image, cell_m, Pose(x_m, y_m, yaw_rad), negate, free_thresh, is_raw)
 

@@ -82,6 +82,13 @@ def test_check_prints_what_is_in_effect():
         (["sim", "--plot", "nowhere/plot.png"], ["--plot", "nowhere"]),
         (["sim", "--conditions", "/dev/zero", "--headless"], ["--conditions /dev/zero", "it is longer than 1 MB"]),
         (["lab", "sweep", "/dev/zero"], ["/dev/zero", "it is longer than 1 MB"]),
+        (["sim", "--plot", "x.txt"], ["--plot", "x.txt", ".png"]),
+        (["sim", "--seed", "-1"], ["--seed", "at least 0"]),
+        (["lab", "sweep", "/dev/null"], ["/dev/null:1: declares nothing"]),
+        (["lab", "scenario", "/dev/null"], ["/dev/null:1: declares nothing"]),
+        (["new", "law", "/tmp/numpy.py"], ["numpy", "there is a module numpy already"]),
+        (["new", "driver", "os", "--kind", "lidar"], ["os", "there is a module os already"]),
+        (["new", "driver", "class", "--kind", "motor"], ["class", "a word of Python's own"]),
         (["sim", "--set", "wall_follow.side=up"], ["wall_follow.side = 'up'"]),
     ],
     ids=lambda value: " ".join(value)[:50],
@@ -162,3 +169,10 @@ def test_a_limit_that_was_saved_while_the_car_ran_is_said(tmp_path):
     answer = wallride("check", str(file))
     assert answer.returncode == 0
     assert f"{file}: safety.side_margin_m = 0.01 was saved while the car ran: look at it" in answer.stderr
+
+
+def test_a_map_without_room_for_a_car_is_named_and_no_option(tmp_path, capsys):
+    (tmp_path / "tiny.pgm").write_text("P2 3 3 255\n0 0 0\n0 254 0\n0 0 0\n")
+    (tmp_path / "tiny.yaml").write_text("image: tiny.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
+    assert main(["sim", str(tmp_path / "tiny.yaml"), "--headless"]) == 2
+    assert "wallride: the start in tiny: the car would stand in a wall" in capsys.readouterr().err

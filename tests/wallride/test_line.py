@@ -47,6 +47,7 @@ def test_a_line_is_a_path_for_another_line_the_other_way_round(here, capsys):
         (["loop", "--keep", "0.1"], "--keep 0.1 m is less than the car needs"),
         (["loop", "--path", "none.csv"], "none.csv: No such file or directory"),
         (["loop", "--path", "/dev/zero"], "/dev/zero is not the file of a path: it is longer than 20 MB"),
+        (["loop", "-o", "/dev/full"], "/dev/full: No space left on device"),
         (["loop", "-o", "none/line.csv"], "none/line.csv: No such file or directory"),
         (["loop", "--set", "car.max_steering_rad=0.06"], "and the car needs 5.49 m"),
         (["loop", "--set", "car.wheels=3"], "wheels"),

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from wallride.client_options import port
-from wallride.parser import CONFIG_VARIABLE, add_set
+from wallride.parser import CONFIG_VARIABLE, add_set, at_least
 from wallride.sim_options import add_conditions
 
 
@@ -36,7 +36,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     )  # fmt: skip
     parser.add_argument("--duration", type=float, metavar="S", help="end after this time (default: Ctrl-C)")
     parser.add_argument("--pose", metavar="X,Y,THETA", help="start pose of the rear axle [m, m, rad]")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of all noise (default: 0)")
+    parser.add_argument("--seed", type=at_least(0), default=0, metavar="N", help="seed of all noise (default: 0)")
     add_conditions(parser.add_argument_group("conditions", "floor, lidar faults and obstacles"))
 
 

@@ -1,6 +1,9 @@
 """`wallride new`: a first law or driver of one's own, with tests beside it."""
 
 import argparse
+import keyword
+import sys
+from importlib.machinery import PathFinder
 from pathlib import Path
 
 from wallride.failure import fail
@@ -37,6 +40,8 @@ def run(options: argparse.Namespace) -> int:
     law: Path = options.file
     if law.suffix != ".py" or not law.stem.isidentifier():
         return fail(f"{law}: name a Python file of letters, digits and _, for example my_laws.py")
+    if taken := _taken(law.stem):
+        return fail(f"{law}: {taken}; take another name, for example my_laws.py")
     test = law.with_name(f"test_{law.name}")
     for path in (law, test):
         if path.exists():
@@ -56,6 +61,8 @@ def run_driver(options: argparse.Namespace) -> int:
     name, kind = str(options.name).removesuffix(".py"), str(options.kind)
     if not name.isidentifier():
         return fail(f"{name}: give a name of letters, digits and _, for example my_{kind}")
+    if taken := _taken(name):
+        return fail(f"{name}: {taken}; take another name, for example my_{kind}")
     names = {f"{kind}_driver_test": f"test_{name}", f"{kind}_driver": name, f"{kind}_emulator": f"{name}_emulator"}
     for module in names.values():
         if Path(f"{module}.py").exists():
@@ -69,6 +76,16 @@ def run_driver(options: argparse.Namespace) -> int:
     print(f"{name}.py: class {DRIVER}; {name}_emulator.py: its device; test_{name}.py: python -m pytest test_{name}.py")
     print(f"drive it:  wallride sim --set {kind}.driver={name}:{DRIVER}")
     return 0
+
+
+def _taken(name: str) -> str:
+    """Return why Python would not import a new module of this name, "" where it would."""
+    if keyword.iskeyword(name):
+        return f"{name} is a word of Python's own"
+    found = PathFinder.find_spec(name)
+    if name in sys.stdlib_module_names or (found is not None and found.origin is not None):
+        return f"there is a module {name} already, which would be imported instead"
+    return ""
 
 
 def _text(source: str, prefix: str, module: str) -> str:

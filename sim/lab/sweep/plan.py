@@ -78,6 +78,8 @@ def read_plan(path: Path, shared: Mapping[str, Any] | None = None) -> SweepPlan:
     shared: values for all runs besides the file's own. Own laws are also looked for beside the file.
     """
     text = read_toml(path)
+    if not text.tree:
+        raise text.mistake((), "declares nothing; docs/sweeps.md has a sweep to start from")
     search_in(path.absolute().parent)
     tree = dict(text.tree)
     seeds = _seeds(text, tree.pop(SEEDS, None))

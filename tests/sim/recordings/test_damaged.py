@@ -1,5 +1,7 @@
 """Damaged files: every whole scan is saved, no broken one is, and the user is told how many there were."""
 
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -114,3 +116,14 @@ def test_a_note_on_damage_is_a_sentence(carried_bag: Path, tmp_path: Path) -> No
     assert note.startswith("cut.bag cannot be read in order (")
     assert "('" not in note
     assert ",)" not in note
+
+
+def test_a_database_that_leads_a_parser_astray_is_told_without_pythons_words(tmp_path: Path) -> None:
+    with closing(sqlite3.connect(tmp_path / "x.db3")) as database:
+        database.execute("CREATE TABLE topics(id, name, type, serialization_format, offered_qos_profiles)")
+        database.execute("CREATE TABLE messages(id, topic_id, timestamp, data)")
+        database.execute("INSERT INTO topics VALUES(1, '/scan', 'sensor_msgs/msg/LaserScan', 'cdr', '')")
+        database.execute("INSERT INTO messages VALUES(1, 1, 1, NULL)")
+        database.commit()
+    with pytest.raises(RecordingError, match=r"x\.db3 cannot be read \(its records contradict each other\)"):
+        load_recording(tmp_path / "x.db3")

@@ -121,11 +121,14 @@ def test_only_the_largest_connected_region_is_drivable(tmp_path):
     "resolution: 0.05\n", "origin: [0, 0, 0]\n", "resolution: 0\norigin: [0, 0, 0]\n",
     "resolution: x\norigin: [0, 0, 0]\n",
     "resolution: 0.05\norigin: [0, 0]\n", "resolution: .nan\norigin: [0, 0, 0]\n", "resolution: [\n", "\t- :",
+    "resolution: 1e9\norigin: [0, 0, 0]\n", "resolution: 1e-9\norigin: [0, 0, 0]\n",
+    "resolution: 0.05\norigin: [0, 0, 0]\noccupied_thresh: 0.1\nfree_thresh: 0.9\n",
 ])  # fmt: skip
 def test_nonsense_is_refused_by_name(tmp_path, text):
     path = write_map(tmp_path, [[254]], text)
-    with pytest.raises(ValueError, match=r"m\.yaml"):
+    with pytest.raises(ValueError, match=r"m\.yaml") as caught:
         load_map(path)
+    assert "unpack" not in str(caught.value)
 
 
 def test_missing_and_broken_images_are_named(tmp_path):
