@@ -30,6 +30,7 @@ from wallride.runtime.host.ending import end_in_time
 from wallride.runtime.host.logging_setup import journal
 from wallride.runtime.host.scheduling import ask_for_precedence, keep_for_this_thread
 from wallride.runtime.host.stop_signals import STOP_SIGNALS, STOP_SIGNALS_HELD
+from wallride.runtime.host.user_module import is_of_the_process, shown, told
 from wallride.runtime.lidars import lidar_for, motion_of, motor_for
 from wallride.runtime.live_stack import warm_up
 from wallride.runtime.own_drivers.driver_class import loaded_driver_files
@@ -135,6 +136,7 @@ def main(
             motors: list[BrakingMotor] = []
             with (
                 ending_without_memory(),
+                ending_with_its_line(),
                 braking_last(motors),
                 asyncio.Runner(loop_factory=PunctualLoop) as runner,
                 braking_last(motors),
@@ -185,6 +187,28 @@ def ending_without_memory() -> Iterator[None]:
         log.error(
             "out of memory (%s:%d): the car was braked and wallride ends; see what else uses memory, "
             "or raise the limit (MemoryMax= of the service)", Path(place.filename).name, place.lineno,
+        )  # fmt: skip
+        raise SystemExit(1) from None
+
+
+@contextmanager
+def ending_with_its_line() -> Iterator[None]:
+    """Have a drive that a driver or law of the user ended in a callback of the loop end with a sentence, as an error.
+
+    The loop passes on a SystemExit and a KeyboardInterrupt: `sys.exit()` would look like a wanted end.
+    """
+    try:
+        yield
+    except (SystemExit, KeyboardInterrupt) as error:
+        folders = {file.parent for file in (*loaded_files(), *loaded_driver_files())}
+        frames = traceback.extract_tb(error.__traceback__)
+        lines = [(path, frame.lineno) for frame in frames if (path := Path(frame.filename)).parent in folders]
+        if not lines or is_of_the_process(error):
+            raise
+        path, line = lines[-1]
+        log.error(
+            "%s:%s raised %s in a callback of the event loop: the car was braked and wallride ends",
+            shown(path), line, told(error),
         )  # fmt: skip
         raise SystemExit(1) from None
 

@@ -1,6 +1,7 @@
 """The last brake: an event loop that ends without its tasks' `finally` must not leave a driving car."""
 
 import asyncio
+import runpy
 import signal
 import subprocess
 import sys
@@ -200,3 +201,35 @@ def test_code_of_the_user_cannot_replace_the_handler_of_a_signal_that_stops():
 
     with asyncio.Runner(loop_factory=launch.PunctualLoop) as runner:
         assert runner.run(replace())
+
+
+@pytest.mark.parametrize("raised", ["SystemExit(0)", "KeyboardInterrupt()"])
+def test_an_own_driver_that_ends_the_loop_in_a_callback_is_told_with_its_line(tmp_path, monkeypatch, caplog, raised):
+    """Else `sys.exit()` in what takes the bytes of a port looks like a wanted end."""
+    file = tmp_path / "my_lidar.py"
+    file.write_text(f"def on_bytes():\n    raise {raised}\n")
+    names = runpy.run_path(str(file))
+    monkeypatch.setattr(launch, "loaded_driver_files", lambda: (file,))
+    monkeypatch.setattr(launch, "is_of_the_process", lambda _error: False)  # as where signals are held
+    motor = BrakedMotor()
+
+    async def drive():
+        asyncio.get_running_loop().call_soon(names["on_bytes"])
+        await asyncio.sleep(60)
+
+    with (
+        pytest.raises(SystemExit) as ended,
+        launch.ending_with_its_line(),
+        launch.braking_last([motor]),
+        asyncio.Runner(loop_factory=launch.PunctualLoop) as runner,
+    ):
+        runner.run(drive())
+    assert ended.value.code == 1
+    assert motor.brakes == 1
+    assert f"my_lidar.py:2 raised {raised.partition('(')[0]}" in caplog.text
+
+
+def test_an_end_that_is_not_of_an_own_driver_stays_as_it_is():
+    with pytest.raises(SystemExit) as ended, launch.ending_with_its_line():
+        raise SystemExit(2)
+    assert ended.value.code == 2

@@ -82,6 +82,16 @@ async def test_a_scan_repeated_with_fresh_stamps_stops_the_car_after_0_3_m(tmp_p
         await car.until(lambda: car.wheel_mps == 0, "standing")
 
 
+async def test_a_driver_that_exits_in_its_ports_callback_ends_the_process_as_an_error_with_its_line(tmp_path):
+    async with bench(tmp_path, *settings(tmp_path, "raise SystemExit(0)")) as car:
+        await car.until_driving()
+        await car.until(lambda: car.runtime.exit_code is not None, "its exit")
+        assert car.runtime.exit_code == 1
+        said = "late_driver.py:30 raised SystemExit: 0 in a callback of the event loop"
+        assert any(said in text for text in car.runtime.log), list(car.runtime.log)[-4:]
+        await car.until(lambda: car.wheel_mps == 0, "standing after the exit")
+
+
 async def test_a_driver_that_does_not_end_does_not_keep_the_process(tmp_path):
     (tmp_path / "late_driver.py").write_text(
         "import asyncio\nfrom wallride.drivers.own import *\nclass Own(DriverSettings):\n    address: str = ''\n"
