@@ -29,7 +29,7 @@ DIRT_RANGE_M = 0.05
 _DIRT_NUMBERS = (2, 3)
 
 
-class ConditionsError(Exception):
+class ConditionsError(ValueError):
     """Invalid conditions; the text names the key and the remedy."""
 
 
@@ -90,12 +90,18 @@ def conditions_of(wishes: RequestedConditions) -> Conditions:
             _put(tree, f"lidar.{name}", value)
     if wishes.obstacles:
         tree["obstacles"] = [*tree.get("obstacles", ()), *wishes.obstacles]
+    return checked_conditions(tree)
+
+
+def checked_conditions(tree: Mapping[str, Any]) -> Conditions:
+    """Return the conditions of a tree of sections; ConditionsError for the first value that is none."""
     try:
         return Conditions.model_validate(tree)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise ConditionsError(f"{where} = {first['input']!r}: {_plain(first['msg'])}") from None
+        words = "there is no such condition" if first["type"] == "extra_forbidden" else _plain(first["msg"])
+        raise ConditionsError(f"{where} = {first['input']!r}: {words}") from None
 
 
 def named_conditions(wishes: RequestedConditions) -> tuple[str, ...]:

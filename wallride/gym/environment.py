@@ -6,7 +6,7 @@ limiter, the time from scan to wire, and the delays of servo and motor; its scan
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import gymnasium
 import numpy as np
@@ -16,11 +16,11 @@ from gymnasium import spaces
 from wallride.drivers.api import MotorState
 from wallride.runtime.control.limiter import Limiter, Limits
 from wallride.runtime.control.vehicle import CarSettings
-from wallride.sim.car.vehicle_settings import VehicleSettings
+from wallride.sim.scenario.conditions import checked_conditions
 from wallride.sim.scenario.obstacle_text import read_obstacle
+from wallride.sim.scenario.scenario_file import MAX_START_TO_WALL_M
 from wallride.sim.virtual.closed_loop import RANGE_MAX_M
 from wallride.sim.virtual.twin_world import TwinWorld, WorldMotor
-from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.lap import LapCounter
 from wallride.sim.world.pose import Pose, Side
 from wallride.sim.world.worlds import load_world
@@ -30,6 +30,7 @@ LATENCY_S = 0.02
 CONTACT_REWARD = -10.0
 START_SHIFT_M, START_TURN_RAD = 0.2, math.radians(10)
 MAX_ODOMETRY = 1e4
+POSE_NUMBERS = 3
 _SEEDS = 2**31
 
 
@@ -56,13 +57,18 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     ) -> None:  # fmt: skip
         if render_mode not in {None, *self.metadata["render_modes"]}:
             raise ValueError(f'render_mode {render_mode!r}: it is None or "rgb_array"')
+        if side not in get_args(Side):
+            raise ValueError(f'side {side!r}: it is "left" or "right"')
+        for name, value in (("desired_distance_m", desired_distance_m), ("duration_s", duration_s)):
+            if not 0 < value < math.inf:  # NaN is no number
+                raise ValueError(f"{name} {value}: it must be a positive number")
         self.render_mode = render_mode
         self._world = load_world(world, side=side)
         self._side, self._desired_m, self._duration_s, self._varies = side, desired_distance_m, duration_s, varies
         if unknown := conditions.keys() - {"vehicle", "lidar"}:
             raise TypeError(f"unknown: {', '.join(sorted(unknown))}; conditions are vehicle and lidar")
-        self._vehicle = VehicleSettings(**(conditions.get("vehicle") or {}))
-        self._lidar = LidarSettings(**(conditions.get("lidar") or {}))
+        found = checked_conditions({name: given for name, given in conditions.items() if given is not None})
+        self._vehicle, self._lidar = found.vehicle, found.lidar
         self._obstacles = tuple(read_obstacle(text) for text in obstacles)
         self._period_s = 1.0 / self._lidar.rate_hz
         car = self._car = CarSettings()
@@ -155,9 +161,13 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             raise gymnasium.error.ClosedEnvironmentError(f"{call} after close: make a new environment")
 
     def _start(self, asked: Sequence[float] | None) -> Pose:
-        """Return the start of an episode; ValueError for one in a wall."""
+        """Return the start of an episode; ValueError for one in a wall, or where no wall is."""
         if asked is not None:
+            if np.shape(asked) != (POSE_NUMBERS,):
+                raise ValueError(f"start {asked}: it must be three numbers, x [m], y [m] and yaw [rad]")
             pose = Pose(*(float(value) for value in asked))
+            if not self._world.clearance(pose) <= MAX_START_TO_WALL_M:  # NaN is nowhere
+                raise ValueError(f"the car would start outside {self._world.name}: {pose}")
             if self._world.collides(pose):
                 raise ValueError(f"the car would start in a wall of {self._world.name}: {pose}")
             return pose

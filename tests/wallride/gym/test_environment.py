@@ -142,3 +142,33 @@ def test_a_copy_goes_on_as_the_environment_does():
         ours, theirs = (one.step(np.array([1.0, 0.1], np.float32)) for one in (environment, copy))
         assert np.array_equal(ours[0]["scan"], theirs[0]["scan"])
         assert ours[1:] == theirs[1:]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"side": "up"}, 'side \'up\': it is "left" or "right"'),
+        ({"desired_distance_m": math.nan}, "desired_distance_m nan: it must be a positive number"),
+        ({"desired_distance_m": -3.0}, "must be a positive number"),
+        ({"duration_s": -1.0}, "duration_s -1.0: it must be a positive number"),
+        ({"vehicle": {"grip": 1}}, "vehicle.grip = 1: there is no such condition"),
+    ],
+)
+def test_what_no_environment_can_be_made_of_is_one_sentence(wrong, words):
+    with pytest.raises(ValueError, match=words) as told:
+        WallFollowEnv("corridor", **wrong)
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("start", "words"),
+    [
+        ((0.0, 0.0), "three numbers"),
+        ((math.nan, 0.0, 0.0), "outside corridor"),
+        ((0.0, 0.0, math.nan), "outside corridor"),
+        ((1000.0, 1000.0, 0.0), "outside corridor"),
+    ],
+)
+def test_a_start_that_is_no_place_of_the_world_is_refused(start, words):
+    with pytest.raises(ValueError, match=words):
+        WallFollowEnv("corridor").reset(options={"start": start})
