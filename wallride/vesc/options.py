@@ -93,6 +93,8 @@ def _wish(options: argparse.Namespace) -> "SettingsWish":
 
 
 def _consent(options: argparse.Namespace) -> Callable[[], bool]:
+    from wallride.vesc.change import VescChangeError
+
     def agreed() -> bool:
         if options.dry_run:
             say("nothing done (--dry-run)")
@@ -100,11 +102,9 @@ def _consent(options: argparse.Namespace) -> Callable[[], bool]:
         if options.yes:
             return True
         if not sys.stdin.isatty():
-            say("nothing done: say --yes")
-            return False
+            raise VescChangeError("nothing was changed: without a terminal say --yes")
         if yes_or_no("the car stands, disarmed: write it?", default=False):
             return True
-        say("nothing done")
-        return False
+        raise VescChangeError("nothing was changed")
 
     return agreed

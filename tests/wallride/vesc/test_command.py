@@ -11,7 +11,7 @@ async def test_a_controller_as_it_is_sold_is_set_and_the_doctor_agrees(tmp_path,
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     async with emulated(tmp_path / "ports", "--vesc-timeout", "1", "--vesc-brake", "0") as file:
         code, text = await answer("vesc", "set", "--config", str(file))
-        assert (code, "say --yes" in text) == (0, True), text
+        assert (code, "say --yes" in text) == (2, True), text
         code, text = await answer("vesc", "set", "--config", str(file), "--yes", "--dry-run")
         assert (code, "--dry-run" in text) == (0, True), text
         code, text = await answer("vesc", "set", "--config", str(file), "--yes")
