@@ -191,6 +191,16 @@ def test_the_lab_says_which_line_of_a_law_has_failed(tmp_path):
     assert "wallride: the car stood: late_law:Law raised ValueError: lost (late_law.py:11)" in done.stderr
 
 
+def test_a_simulated_drive_of_a_law_that_fails_ends_with_its_sentence_and_code_1(tmp_path):
+    settings(tmp_path, "raise ValueError('lost')")
+    asked = ("--set", "wall_follow.method=late_law:Law", "--set", "telemetry.any_port=true", "--json", "told.json")
+    done = typed(tmp_path, "sim", "--headless", "--duration", "3", *asked)
+    sentence = "late_law:Law raised ValueError: lost (late_law.py:11)"
+    assert done.returncode == 1
+    assert f"wallride: {sentence}" in done.stderr
+    assert json.loads((tmp_path / "told.json").read_text())["faults"] == {sentence: 1}
+
+
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
