@@ -2,6 +2,7 @@
 
 import json
 import struct
+from array import array
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
@@ -18,17 +19,18 @@ from wallride.runtime.recording.recover import is_whole
 from wallride.runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError
 
 NS = 1_000_000_000
+WEEK_NS = 7 * 24 * 3600 * NS
 
 
 @dataclass(slots=True)
 class Info:
-    """Result of a pass over a file. times_ns: first and last, since 1970. events: time, kind, reason."""
+    """Result of a pass over a file. times_ns: of each message, since 1970. events: time, kind, reason."""
 
     facts: dict[str, str] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
     sizes_bytes: Counter[str] = field(default_factory=Counter)
     kinds: dict[str, str] = field(default_factory=dict)
-    times_ns: list[int] = field(default_factory=list)
+    times_ns: "array[int]" = field(default_factory=lambda: array("Q"))
     events: list[tuple[int, str, str]] = field(default_factory=list)
     torn: str = ""
 
@@ -42,7 +44,8 @@ def describe(path: Path, *, as_json: bool) -> str:
         raise ConnectionProblemError(f"{path}: cannot be read: {error.strerror or error}") from None
     if not info.counts:
         raise ConnectionProblemError(f"{path}: holds no message{f' ({info.torn})' if info.torn else ''}")
-    begins_ns, ends_ns = min(info.times_ns), max(info.times_ns)
+    begins_ns, ends_ns = _span_ns(info.times_ns)
+    info.events = [event for event in info.events if begins_ns <= event[0] <= ends_ns]
     fields = {
         "file": str(path),
         "size_bytes": path.stat().st_size,
@@ -92,14 +95,18 @@ def read(path: Path) -> Info:
 def _count(info: Info, topic: str, message: Any) -> None:  # noqa: ANN401 - mcap's
     info.counts[topic] += 1
     info.sizes_bytes[topic] += len(message.data)
-    info.times_ns = [
-        min(message.log_time, *info.times_ns[:1]) if info.times_ns else message.log_time,
-        max(message.log_time, *info.times_ns[1:]) if info.times_ns else message.log_time,
-    ]
+    info.times_ns.append(message.log_time)
     if topic.strip("/") == EVENTS:
         with suppress(ValueError, KeyError, struct.error):
             event = json.loads(text_of(message.data))
             info.events.append((message.log_time, str(event["event"]), str(event["reason"])))
+
+
+def _span_ns(times_ns: "array[int]") -> tuple[int, int]:
+    """Return the first and last time; a damaged one lies years from the others, and a set clock begins a new file."""
+    middle_ns = sorted(times_ns)[len(times_ns) // 2]
+    credible = [time_ns for time_ns in times_ns if abs(time_ns - middle_ns) < WEEK_NS]
+    return min(credible), max(credible)
 
 
 def _events(info: Info, kind: str, begins_ns: int) -> list[dict[str, Any]]:

@@ -8,11 +8,14 @@ import re
 import time
 
 import pytest
+from mcap.writer import Writer
 
 from wallride import logs_options
 from wallride.clients import logs
 from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.log_info import NS, describe
 from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.recording import channels
 from wallride.runtime.recording.recorder import Recorder
 from wallride.runtime.recording.recover import is_whole
 from wallride.runtime.recording.requests import GET, LIST, MAX_PIECE_B, RECORD, TRIM
@@ -255,3 +258,18 @@ def test_where_recordings_are_kept():
     assert str(recordings_folder("", {"STATE_DIRECTORY": "/var/lib/wallride"})) == "/var/lib/wallride/recordings"
     assert str(recordings_folder("", {"XDG_DATA_HOME": "/home/ann/data"})) == "/home/ann/data/wallride/recordings"
     assert str(recordings_folder("", {})).endswith("/.local/share/wallride/recordings")
+
+
+@pytest.mark.parametrize("damaged_ns", [5, 2**63 + 5])
+def test_a_damaged_time_is_no_part_of_a_recordings_length(damaged_ns, tmp_path):
+    path, event = tmp_path / "a.mcap", channels.text(b'{"event": "stop", "reason": "damaged"}')
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel(f"/{channels.EVENTS}", "cdr", 0)
+        for stamp_ns in (*(1_800_000_000 * NS + at_s * NS for at_s in range(3)), damaged_ns):
+            writer.add_message(channel, stamp_ns, event, stamp_ns)
+        writer.finish()
+    found = json.loads(describe(path, as_json=True))
+    assert (found["seconds"], found["messages"]) == (2.0, 4)
+    assert [stop["at_s"] for stop in found["stops"]] == [0.0, 1.0, 2.0]

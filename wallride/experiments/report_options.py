@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wallride.failure import needs
-from wallride.parser import add_jobs, add_set
+from wallride.parser import add_jobs, add_set, at_least
 from wallride.sim_options import add_car
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def add(experiments: "Commands") -> None:
     report.add_argument("--wild", type=float, metavar="SHARE", help="share of wild beams of the lidar (default: 0)")
     report.add_argument("--own-parts", metavar="KIND", help="parts of the car that its lidar sees (default: none)")
     add_car(report)
-    report.add_argument("--seed", type=int, default=1000, metavar="N", help="seed of all noise (default: 1000)")
+    report.add_argument("--seed", type=at_least(0), default=1000, metavar="N", help="seed of all noise (default: 1000)")
     add_jobs(report)
     report.set_defaults(run=_run)
 

@@ -30,7 +30,9 @@ def add(experiments: "Commands") -> None:
         help="folder of the study, tuned.toml and tuning.html; a study there goes on (default: lab-tune)",
     )  # fmt: skip
     tune.add_argument("--only", metavar="A,B", help="courses to tune on, e.g. t1,t5 (default: all)")
-    tune.add_argument("--seed", type=int, default=0, metavar="N", help="seed of sampler and conditions (default: 0)")
+    tune.add_argument(
+        "--seed", type=at_least(0), default=0, metavar="N", help="seed of sampler and conditions (default: 0)"
+    )
     add_jobs(tune)
     tune.add_argument("--on", default="", metavar="ADDRESS", help="Ray cluster, as of `lab sweep`")
     tune.set_defaults(run=_run)
