@@ -29,7 +29,7 @@ _SLOW_S: Final = 1.1 / MIN_RATE_HZ
 """Period of a lidar that is too slow, with 10 % for the speed of its head."""
 _SLOW_SCANS: Final = 5
 """Long periods in a row that make a lidar too slow; fewer are scans that were lost."""
-_NUMBERS: Final = ("stamp_s", "received_s", "angle_min_rad", "angle_step_rad", "range_min_m", "range_max_m", "ray_s")
+NUMBERS: Final = ("stamp_s", "received_s", "angle_min_rad", "angle_step_rad", "range_min_m", "range_max_m", "ray_s")
 
 
 def unfit(right_rad: float, left_rad: float, step_rad: float, range_min_m: float, coarsest_deg: float) -> str:
@@ -93,7 +93,7 @@ def _form(scan: Scan) -> str:
         return "delivered ranges_m that is no array (n,) of float32"
     if not 2 <= ranges_m.size <= MAX_BEAMS:
         return f"delivered a scan of {ranges_m.size} beams"
-    for name in _NUMBERS:
+    for name in NUMBERS:
         number: Any = getattr(scan, name)
         if not isinstance(number, int | float) or not math.isfinite(number):
             return f"delivered {name} that is no finite number"

@@ -3,14 +3,13 @@
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, Final, Never
 
 import numpy as np
 
 from wallride.drivers.api import Clock, Health, LinkState, Scan
 from wallride.drivers.link import Tap
-from wallride.drivers.scan_check import ScanCheck
+from wallride.drivers.scan_check import NUMBERS, ScanCheck
 from wallride.runtime.own_drivers.driver_class import load_driver
 from wallride.runtime.own_drivers.running import DriverRun
 from wallride.runtime.own_drivers.settings import OwnLidarSettings
@@ -76,7 +75,8 @@ class OwnLidar:
                 self._stale += 1
                 return
             self._scan_s = now_s
-            own = replace(scan, ranges_m=np.array(scan.ranges_m), sequence=self._sequence, returns=None)
+            numbers: dict[str, Any] = {name: float(getattr(scan, name)) for name in NUMBERS}  # they may be numpy's
+            own = Scan(**numbers, ranges_m=np.array(scan.ranges_m), sequence=self._sequence)
             own.ranges_m.flags.writeable = False  # the driver may use its array again
             self._sequence += 1
             self._run.ours(lambda: on_scan(own))

@@ -148,6 +148,13 @@ def test_a_whole_turn_from_any_bearing_and_half_a_turn_one_step_short_are_fields
     assert not ScanCheck().fault(Scan(1.0, 1.0, first_rad, step_rad, 0.28, 10.0, ranges_m, 0), 1.0)
 
 
+def test_a_scan_is_copied_into_plain_numbers(driver_file):
+    then = "class Mine(float): pass\n        on_scan(self.scan(stamp_s=np.float64(self.clock()), range_max_m=Mine(9)))"
+    scans, _, _, _ = driven(driver_file(DRIVER.format(then=then)), 1.0)
+    assert 9.0 in [scan.range_max_m for _, scan in scans]
+    assert {type(number) for _, scan in scans for number in (scan.stamp_s, scan.range_max_m)} == {float}
+
+
 def test_a_driver_that_hangs_is_told_with_the_line_at_which_it_waits(driver_file):
     name = driver_file(DRIVER.format(then="await asyncio.Event().wait()"))
     _, seen, _, _ = driven(name)
