@@ -4,7 +4,6 @@ Brakes in place of what must not be driven (a latched fault, a reversal at speed
 so that no driver has to know these rules.
 """
 
-import asyncio
 import contextlib
 import math
 import time
@@ -104,7 +103,7 @@ class OwnMotor:
         """Write one brake without the event loop: the last act of a process whose loop has ended. Never raises."""
         if self._run.made is not None:
             # The controller's own timeout remains.
-            with contextlib.suppress(Exception, SystemExit, asyncio.CancelledError):
+            with contextlib.suppress(BaseException):  # a KeyboardInterrupt of its own too
                 self._run.made.send(Drive(0.0, self._steering_rad))
 
     def latch_fault(self, words: str) -> None:

@@ -127,6 +127,11 @@ def test_a_latched_fault_brakes_until_it_is_cleared(driver_file, whose):
 MISTAKES = {
     "raises": ("raise ValueError('lost it')", "pass", "raised ValueError: lost it"),
     "send raises": ("pass", "if drive.speed_mps: raise KeyError('x')", "raised KeyError: 'x'"),
+    "send raises what ends loops": (
+        "pass",
+        "if self.clock() > 0.3: raise BaseException('x')",
+        "raised BaseException: x",
+    ),
     "send answers": ("pass", "return None", "answered a command with a NoneType"),
     "type": ("self.state = 3", "pass", "reported a int where a MotorState is needed"),
     "speed": ("self.state.speed_mps = math.nan", "pass", "reported speed_mps that is no finite number"),
