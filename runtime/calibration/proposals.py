@@ -35,12 +35,12 @@ class Proposal:
 
 def of_arcs(fit: ArcFit, now: Mapping[str, float], *, ruler: bool) -> Iterator[Proposal]:
     """Yield speed, steering and the lidar's pose. ruler: the wheelbase was measured, so the servo's gain is wrong."""
-    if fit.speed_factor.value < 0.0:
+    if fit.speed_factor.value < 0.0 and not fit.speed_factor.why:
         for name in (SPEED_GAIN, SERVO_OFFSET, WHEELBASE, LIDAR_X, LIDAR_Y, LIDAR_YAW):
             yield Proposal(name, now[name], None, SWAPPED)
         return
     yield _proposal(SPEED_GAIN, now, fit.speed_factor, lambda factor: now[SPEED_GAIN] / factor, 1)
-    reversed_ = fit.steering_factor.value < 0.0
+    reversed_ = fit.steering_factor.value < 0.0 and not fit.steering_factor.why
     gain = now[SERVO_GAIN] / fit.steering_factor.value if ruler else -now[SERVO_GAIN] if reversed_ else now[SERVO_GAIN]
     if ruler:
         yield _proposal(SERVO_GAIN, now, fit.steering_factor, lambda factor: now[SERVO_GAIN] / factor, 4)
@@ -62,12 +62,12 @@ def of_delays(servo: DelayFit, motor: DelayFit, now: Mapping[str, float]) -> Ite
 
 def of_braking(deceleration_mps2: Estimate, now: Mapping[str, float]) -> Iterator[Proposal]:
     """Yield the assumed grip where the car brakes less than it assumes; never more grip than is configured."""
-    grip = deceleration_mps2.low / GRAVITY_MPS2
-    words = deceleration_mps2.as_text("m/s2")
-    if deceleration_mps2.why or grip >= now[GRIP]:
+    low, high = deceleration_mps2.low / GRAVITY_MPS2, deceleration_mps2.high / GRAVITY_MPS2
+    words = deceleration_mps2.as_text("") if deceleration_mps2.why else f"{low:.4g} to {high:.4g}"
+    if deceleration_mps2.why or low >= now[GRIP]:
         yield Proposal(GRIP, now[GRIP], None if deceleration_mps2.why else now[GRIP], words)
     else:
-        yield Proposal(GRIP, now[GRIP], round(max(grip, 0.2), 2), words)
+        yield Proposal(GRIP, now[GRIP], round(max(low, 0.2), 2), words)
 
 
 def _proposal(

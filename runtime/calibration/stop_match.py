@@ -17,6 +17,9 @@ GUESS_WEIGHT = 0.01
 POINT_STD_M = 0.03
 """Standard deviation of one point's distance to a surface; neighbours share most of their error, hence so much."""
 MIN_RANGE_M, MAX_RANGE_M = 0.3, 12.0
+MIN_SHARE, UNTOLD_M = 0.02, 1.0
+"""Least information along one direction as a share of that across it; below it noise in the normals of parallel walls
+is all there is (0.004 in a bare corridor, 0.35 in a room), and the motion along them has this standard deviation."""
 FLOOR_M, FLOOR_RAD = 0.0015, 0.0007
 """Standard deviations that no averaging undercuts: tyres give, and floors are not level."""
 
@@ -55,8 +58,16 @@ def match_stops(kind: Kind, before_m: Floats, after_m: Floats, guess: Floats) ->
     both = (forth + _inverse(back)) / 2  # either direction sees surfaces that the other does not
     variance = np.diag(np.linalg.pinv(information + 1e-6 * np.eye(3))) * POINT_STD_M**2
     floor = np.array([FLOOR_M, FLOOR_M, FLOOR_RAD])
-    std = np.sqrt(variance + floor**2 + ((forth - both) ** 2))
+    untold = np.append(_untold_m(information[:2, :2]), 0.0)
+    std = np.sqrt(variance + floor**2 + untold**2 + ((forth - both) ** 2))
     return MeasuredShift(_shift(both), _shift(std))
+
+
+def _untold_m(information: Floats) -> Floats:
+    """Return the standard deviation of what parallel walls do not tell, (2,) x and y; zeros where all is told."""
+    (least, most), axes = np.linalg.eigh(information)
+    untold_m: Floats = np.abs(axes[:, 0]) * (UNTOLD_M if least < MIN_SHARE * most else 0.0)
+    return untold_m
 
 
 def surfaces(points_m: Floats, reach: int = REACH, max_bend_m: float = MAX_BEND_M) -> ReferenceScan:

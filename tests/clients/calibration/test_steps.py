@@ -16,6 +16,7 @@ from wallride.sim.world.beams import scan
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import STANDING, Pose
 from wallride.sim.world.segments import SegmentGeometry, box
+from wallride.sim.world.worlds import load_world
 
 
 def in_effect(path):
@@ -50,6 +51,8 @@ def test_a_calibration_ends_with_the_settings_of_the_car(car_toml):
     assert "0.25" in shown
     assert "before" in shown
     assert {one.name for one in measured} >= {proposals.GRIP, proposals.LATENCY}
+    grip = next(one for one in measured if one.name == proposals.GRIP)
+    assert float(grip.words.partition(" to ")[0]) < 1.5, "of the grip, no deceleration"
 
 
 def test_with_a_ruler_the_gain_of_the_servo_is_measured(car_toml):
@@ -81,6 +84,16 @@ def test_a_lifted_car_is_told_so_and_not_that_its_motor_is_swapped(car_toml, mon
     with pytest.raises(CalibrationError, match="lifted"):
         list(step.run(car, CalibrationProgress(in_effect(car_toml))))
     assert car.twin.way_m < 1.0
+
+
+@pytest.mark.parametrize("world", ["corridor", "loop"])
+@pytest.mark.parametrize("seed", range(2))
+def test_where_the_scans_do_not_tell_the_way_the_motor_is_not_blamed(car_toml, seed, world):
+    (step,) = driven_steps(frozenset({"speed"}))
+    so_far = CalibrationProgress(in_effect(car_toml))
+    (speed,) = step.run(planted_car(seed, load_world(world)), so_far)
+    assert speed.new is None
+    assert "do not tell how far the car went" in speed.words
 
 
 def test_what_needs_the_first_step_is_left_out_without_it(car_toml):
