@@ -152,7 +152,8 @@ def _chosen(files: Sequence[ListedRecording], options: argparse.Namespace) -> li
         raise ConnectionProblemError(f"{', '.join(unknown)}: the car has no such recording; see wallride logs list")
     if options.names:
         return [by_name[name] for name in options.names]
-    wanted = [file for file in files if file.black_box] if options.black_boxes else list(files)
+    boxes, drives = ([file for file in files if file.black_box is kind] for kind in (True, False))
+    wanted = boxes if options.black_boxes else drives
     if not wanted:
         raise ConnectionProblemError("the car has no recording of that kind")
     return wanted[-options.last :]

@@ -100,7 +100,10 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _above_zero(text: str) -> float:
-    number = float(text)
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
     if not (math.isfinite(number) and number > 0.0):
         raise argparse.ArgumentTypeError("write a number above 0")
     return number

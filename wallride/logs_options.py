@@ -25,10 +25,10 @@ def add(commands: "Commands") -> None:
     logs.set_defaults(run=_logs, print_line=say, local="", json=False)
     actions = logs.add_subparsers(dest="action", metavar="ACTION")
     listing = actions.add_parser("list", help="list the recordings of a car or a local folder")
-    getting = actions.add_parser("get", help="copy recordings from a car (default: the newest)")
+    getting = actions.add_parser("get", help="copy recordings from a car (default: the newest drive)")
     getting.add_argument("names", nargs="*", metavar="NAME", help="as in `wallride logs list`")
-    getting.add_argument("--last", type=at_least(1), default=1, metavar="N", help="the newest N (default: 1)")
-    getting.add_argument("--black-boxes", action="store_true", help="only black boxes")
+    getting.add_argument("--last", type=at_least(1), default=1, metavar="N", help="the newest N drives (default: 1)")
+    getting.add_argument("--black-boxes", action="store_true", help="black boxes instead of drives")
     getting.add_argument(
         "-o",
         "--output",

@@ -273,3 +273,9 @@ def test_a_damaged_time_is_no_part_of_a_recordings_length(damaged_ns, tmp_path):
     found = json.loads(describe(path, as_json=True))
     assert (found["seconds"], found["messages"]) == (2.0, 4)
     assert [stop["at_s"] for stop in found["stops"]] == [0.0, 1.0, 2.0]
+
+
+def test_the_newest_to_get_is_a_drive_and_a_black_box_only_where_it_is_asked_for():
+    files = [logs.ListedRecording(name, 1, name > "b", "", "whole") for name in ("a1", "a2", "b1")]
+    for words, names in (((), ["a2"]), (("--last", "5"), ["a1", "a2"]), (("--black-boxes",), ["b1"])):
+        assert [one.name for one in logs._chosen(files, parsed("logs", "get", *words))] == names

@@ -70,6 +70,7 @@ def test_defaults_and_values(line, expected):
         ("keys add ann --role king", "invalid choice: 'king'"),
         ("logs get --last 0", "at least 1"),
         ("logs trim --keep-mb -1", "at least 0"),
+        ("line loop --keep abc", "write a number above 0"),
         ("replay run.mcap --speed 99", "write a number from 0.05 to 50"),
         ("plot --seconds 0", "write a number of seconds from 1 to 600"),
         ("record", "the following arguments are required: action"),
