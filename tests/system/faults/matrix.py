@@ -177,7 +177,9 @@ MATRIX: Final[Sequence[Fault]] = (
     Fault(PROCESS, "own driver raises, hangs, lies", "brake; its fault, with file and line; it is made anew", SELF,
           "tests/system/test_own_driver.py::"
           "test_a_lie_stops_the_car_with_its_reason_and_line_and_the_process_lives"),
-    Fault(PROCESS, "own law takes a signal or the exit", "brake; its fault; SIGTERM ends the process", PERMIT,
+    Fault(PROCESS, "own law or driver takes a signal or the exit",
+          "brake; its fault; SIGTERM ends the process. Where only C shows it, no fault: the signal is put right within"
+          " 1 s", PERMIT,
           OWN_LAW + "test_a_law_takes_neither_the_signals_nor_the_exit"),
     Fault(PROCESS, "SIGTERM", "brake, rest, exit code 0", "start it again",
           SYSTEM + "test_sigterm_at_full_speed_brakes_at_once_and_exits_with_0", (), SOFT_S),
