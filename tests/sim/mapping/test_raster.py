@@ -1,4 +1,4 @@
-"""The grid: walls, free cells, and what nobody saw."""
+"""The grid: walls, free and unknown cells."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Judging changes nothing, whoever judges: the mux alone commits what a command that was sent leaves in the law."""
+"""Judging changes nothing: the mux alone commits what a command that was sent leaves in the law."""
 
 import re
 from dataclasses import astuple
