@@ -85,6 +85,7 @@ async def main() -> int:
     parser.add_argument("--only", type=lambda text: text.split(","), help="these commands, separated by commas")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it, and its children too
     chance = random.Random(options.seed)
     ends: dict[str, list[Ending]] = defaultdict(list)
     with tempfile.TemporaryDirectory(prefix="wallride-") as folder, computing(options.load):
