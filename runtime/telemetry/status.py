@@ -211,7 +211,8 @@ def gates(observed: ObservedState, heard: Mapping[Source, SourceStatus]) -> dict
             closed[str(source)] = says.reason if says.speed_mps <= 0 else ""
         else:
             closed[str(source)] = "" if source in {Source.ESTOP, Source.BATTERY} else NO_WORD
-    closed[str(Source.NAVIGATION)] = "" if Source.NAVIGATION in heard else NO_WORD
+    wish = heard.get(Source.NAVIGATION)  # a law with a fault asks to stand, with the fault as its reason
+    closed[str(Source.NAVIGATION)] = NO_WORD if wish is None else "" if wish.speed_mps else wish.reason
     return closed
 
 

@@ -35,6 +35,10 @@ def observed():
     return make_observed(HandClock())
 
 
+def stand(reason):
+    return DriveCommand(Source.NAVIGATION, Drive(0.0, 0.0), None, reason)
+
+
 def told(observed, output=None):
     """Return the status as it arrives."""
     return json.loads(topics.encode(status(observed, output, Journey(90.0))))
@@ -69,6 +73,11 @@ def test_every_voice_is_told_with_its_age_in_the_muxs_order(observed):
         (lambda o: speak(o, safety=Verdict(0.0, INF, "wall ahead", 0.3)), "safety", "wall ahead"),
         (lambda o: (speak(o), o.queue.withdraw(Source.SAFETY)), "safety", "no word"),
         (lambda o: (speak(o), o.queue.withdraw(Source.NAVIGATION)), "navigation", "no word"),
+        (
+            lambda o: (speak(o), o.queue.put(stand("my:Law raised ValueError"))),
+            "navigation",
+            "my:Law raised ValueError",
+        ),
         (lambda o: (speak(o), o.queue.put(refusal(Source.ESTOP, "red button"))), "e-stop", "red button"),
         (lambda o: (speak(o), lose(o.lidar)), "lidar", "absent: cable"),
     ],
