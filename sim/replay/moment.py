@@ -14,13 +14,15 @@ from wallride.runtime.wire import topics
 from wallride.sim.recordings import RecordingError
 from wallride.sim.replay.drive_log import NS, DriveLog
 from wallride.sim.replay.faults import faults_in
-from wallride.sim.replay.reenact import events_of, first_time_s
+from wallride.sim.replay.reenact import duration_s, events_of, first_time_s
 
 LATE_S = 0.2
 """A time asked for that is so much later than the newest answered scan is told."""
 AROUND_S = 0.5
 """Time around a scan in which faults are told beside it."""
 
+ROUNDING_S = 0.001
+"""The end is printed in milliseconds; typed as printed, it is in the recording."""
 MIN_SHOWN_MPS = 0.005
 
 
@@ -99,8 +101,14 @@ def moment_at_scan(log: DriveLog, scan: int) -> Moment:
 
 
 def moment_at_time(log: DriveLog, time_s: float) -> Moment:
-    """Return the newest scan that was answered at a time after the decision log began, or the first one."""
+    """Return the newest scan that was answered at a time after the decision log began, or the first one.
+
+    RecordingError with the recording's range for a time that is not in it.
+    """
     events = events_of(log)
+    ends_s = duration_s(events)
+    if not 0.0 <= time_s <= ends_s + ROUNDING_S:  # NaN is nowhere
+        raise RecordingError(f"{log.name}: {time_s:g} s is not in it: give a time from 0 to {ends_s:.3f} s.")
     answered, came_s = _answered(log, events), _times_s(events)
     newest = max((at for at, event in enumerate(answered) if came_s[event.sequence] <= time_s), default=0)
     return _moment(log, events, answered[newest], time_s)

@@ -333,6 +333,12 @@ def first_time_s(events: Sequence[Event]) -> float:
     return next(_times(events), 0.0)
 
 
+def duration_s(events: Sequence[Event]) -> float:
+    """Return the time from the first to the last decision or scan of a decision log; 0 for an empty one."""
+    times_s = list(_times(events))
+    return max(times_s) - times_s[0] if times_s else 0.0
+
+
 def _times(events: Sequence[Event]) -> Iterator[float]:
     for event in events:
         if isinstance(event, DecisionEvent):

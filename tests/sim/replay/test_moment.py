@@ -9,7 +9,7 @@ from wallride.runtime.recording.decision_log import DecisionEvent, FollowerEvent
 from wallride.sim.recordings import RecordingError
 from wallride.sim.replay.drive_log import read_log
 from wallride.sim.replay.moment import moment_at_scan, moment_at_time
-from wallride.sim.replay.reenact import events_of
+from wallride.sim.replay.reenact import duration_s, events_of
 
 
 @pytest.fixture
@@ -54,12 +54,22 @@ def test_a_time_means_the_newest_scan_before_it(log):
     earlier, later = moment_at_scan(log, 150), moment_at_scan(log, 151)
     assert moment_at_time(log, earlier.time_s).scan == 150
     assert moment_at_time(log, (earlier.time_s + later.time_s) / 2).scan == 150
-    assert moment_at_time(log, -1.0).scan == moment_at_time(log, 0.0).scan == 0
-    assert moment_at_time(log, 1e6).scan == max(e.sequence for e in events_of(log) if isinstance(e, FollowerEvent))
+    assert moment_at_time(log, 0.0).scan == 0
+    last = max(event.sequence for event in events_of(log) if isinstance(event, FollowerEvent))
+    assert moment_at_time(log, duration_s(events_of(log))).scan == last
+
+
+@pytest.mark.parametrize("text", ["9999", "nan", "inf", "-1"])
+def test_a_time_outside_the_recording_is_refused_with_its_range(dead_end, log, text, capsys):
+    assert main(["replay", str(dead_end), f"--at={text}"]) == 2
+    said = capsys.readouterr()
+    ends = f"{duration_s(events_of(log)):.3f}"
+    assert (said.out, said.err.endswith(f": {text} s is not in it: give a time from 0 to {ends} s.\n")) == ("", True)
+    assert main(["replay", str(dead_end), "--at", ends]) == 0
 
 
 def test_a_scan_without_an_answer_names_its_neighbours(log):
-    last = moment_at_time(log, 1e6).scan
+    last = moment_at_time(log, duration_s(events_of(log))).scan
     with pytest.raises(
         RecordingError, match=rf"not answered scan 999999 .* the nearest: {last}\. .* scans 0 to {last}"
     ):
