@@ -5,6 +5,7 @@ and `WiringErrors`, and a list `obstacles` of texts (`wallride.sim.scenario.obst
 come on top.
 """
 
+import difflib
 import json
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -26,6 +27,8 @@ RIGHT_REAR = "right-rear"
 """Name of the only own parts without a profile: a rough part at 0.03 to 0.15 m in the last beams on the right."""
 NO_PARTS = "none"
 DIRT_RANGE_M = 0.05
+NEAR = 0.55
+"""Similarity from which a name is suggested: of mas and mass_kg it is 0.6."""
 _DIRT_NUMBERS = (2, 3)
 
 
@@ -100,8 +103,18 @@ def checked_conditions(tree: Mapping[str, Any]) -> Conditions:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"])
-        words = "there is no such condition" if first["type"] == "extra_forbidden" else _plain(first["msg"])
+        words = _no_such(where) if first["type"] == "extra_forbidden" else _plain(first["msg"])
         raise ConditionsError(f"{where} = {first['input']!r}: {words}") from None
+
+
+def _no_such(key: str) -> str:
+    """Return the sentence about an unknown key, with the nearest known one and all beside it."""
+    section, dot, name = key.rpartition(".")
+    model = Conditions.model_fields[section].annotation if section else Conditions
+    known = list(getattr(model, "model_fields", ()))
+    near = difflib.get_close_matches(name, known, 1, NEAR)
+    meant = f"did you mean {section}{dot}{near[0]}? " if near else ""
+    return f"there is no such condition; {meant}known here: {', '.join(known)}"
 
 
 def named_conditions(wishes: RequestedConditions) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -226,3 +227,17 @@ def test_the_same_conditions_and_seed_give_the_same_scans():
     assert (one == other).all()
     assert LidarSettings().dropout_share == 0.0
     assert math.isfinite(float(one.mean()))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ("vehicle.mas=1", "vehicle.mas = 1: there is no such condition; did you mean vehicle.mass_kg? known here: "),
+        ("lidar.noise=1", "did you mean lidar.noise_std_m?"),
+        ("vehicel.mass_kg=4", "there is no such condition; did you mean vehicle? known here: vehicle, lidar, wiring"),
+        ("lidar.zzz=1", "lidar.zzz = 1: there is no such condition; known here: "),
+    ],
+)
+def test_an_unknown_condition_is_answered_with_the_nearest(wrong, said):
+    with pytest.raises(ConditionsError, match=re.escape(said)):
+        conditions_of(RequestedConditions(assignments=[wrong]))

@@ -151,7 +151,7 @@ def test_a_copy_goes_on_as_the_environment_does():
         ({"desired_distance_m": math.nan}, "desired_distance_m nan: it must be a positive number"),
         ({"desired_distance_m": -3.0}, "must be a positive number"),
         ({"duration_s": -1.0}, "duration_s -1.0: it must be a positive number"),
-        ({"vehicle": {"grip": 1}}, "vehicle.grip = 1: there is no such condition"),
+        ({"vehicle": {"grip": 1}}, "vehicle.grip = 1: there is no such condition; did you mean vehicle.grip_mu?"),
     ],
 )
 def test_what_no_environment_can_be_made_of_is_one_sentence(wrong, words):
