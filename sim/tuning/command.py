@@ -2,10 +2,11 @@
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
+from typing import Self
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -21,8 +22,8 @@ from wallride.sim.scenario.conditions import ConditionsError, RequestedCondition
 from wallride.sim.tuning.page import tuning_page
 from wallride.sim.tuning.settings_file import settings_text, write_settings
 from wallride.sim.tuning.space import SpaceError, space_of
-from wallride.sim.tuning.study import Measure, StudyError, TuningPlan, finished, go_on, open_study
-from wallride.sim.tuning.verdict import TuningVerdict, judge
+from wallride.sim.tuning.study import BATCH, SEEDS, Measure, StudyError, TuningPlan, go_on, open_study
+from wallride.sim.tuning.verdict import TuningVerdict, drives_to_judge, judge
 
 
 class TuneUsageError(Exception):
@@ -58,14 +59,12 @@ def study_and_judge(plan: TuningPlan, folder: Path, options: argparse.Namespace,
     if not folder.absolute().parent.is_dir():
         raise TuneUsageError(f"-o {folder}: there is no folder {folder.parent}; make it first")
     study = open_study(folder, plan)
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     with (
-        Progress(*columns, console=console, transient=True) as progress,
-        measuring(options.jobs, options.on) as measure,
+        TuningProgress(console, options.trials, len(plan.scenarios)) as progress,
+        measuring(options.jobs, options.on, progress.driven) as measure,
     ):
-        bar = progress.add_task("trials", total=options.trials, completed=len(finished(study)))
-        go_on(study, plan, options.trials, measure, lambda done: progress.update(bar, completed=done))
-        progress.update(bar, description="verdict")
+        go_on(study, plan, options.trials, measure, progress.finished)
+        progress.judging(drives_to_judge(study, plan))
         verdict = judge(study, plan, measure)
     of = version("wallride")
     (folder / "tuning.html").write_text(tuning_page(study, plan, verdict, of), encoding="utf-8")
@@ -74,10 +73,48 @@ def study_and_judge(plan: TuningPlan, folder: Path, options: argparse.Namespace,
 
 
 @contextmanager
-def measuring(jobs: int | None, on: str = "") -> Iterator[Measure]:
-    """Yield what returns the figures of drives in their order, the same for any workers, which stay for the study."""
+def measuring(jobs: int | None, on: str = "", driven: Callable[[], None] = lambda: None) -> Iterator[Measure]:
+    """Yield what returns the figures of drives in their order, the same for any workers, which stay for the study.
+
+    driven: called after each drive.
+    """
     with workers(Measuring(None), jobs=jobs, on=on) as run:
-        yield lambda drives: in_order(run(drives))
+        yield lambda drives: in_order(run(drives), driven)
+
+
+class TuningProgress:
+    """Shows how far a study is: its trials, and below them the drives of what is under way."""
+
+    def __init__(self, console: Console, trials: int, scenarios: int) -> None:
+        columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+        self._console, self._trials, self._scenarios = console, trials, scenarios
+        self._progress = Progress(*columns, console=console, transient=True)
+        self._trial_bar = self._progress.add_task("trials", total=trials)
+        self._drive_bar = self._progress.add_task("drives, present settings", total=SEEDS * scenarios)
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+    def driven(self) -> None:
+        """Count a drive."""
+        self._progress.advance(self._drive_bar)
+
+    def finished(self, trials: int) -> None:
+        """Show the finished trials, and begin the drives of the next ones."""
+        self._progress.update(self._trial_bar, completed=trials)
+        self._begin("drives, next trials", min(BATCH, self._trials - trials) * self._scenarios)
+
+    def judging(self, drives: int) -> None:
+        """Begin the drives of the verdict; also said where no bar is shown, as in a file."""
+        self._console.print(f"verdict: {drives} drives in conditions and scenarios that no trial has seen")
+        self._begin("drives, verdict", drives)
+
+    def _begin(self, what: str, drives: int) -> None:
+        self._progress.reset(self._drive_bar, total=drives, description=what)
 
 
 def plan_of(options: argparse.Namespace) -> TuningPlan:

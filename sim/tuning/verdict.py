@@ -66,6 +66,12 @@ class TuningVerdict:
         return self.fresh.highest < 0 and not self.held_out.lowest > 0
 
 
+def drives_to_judge(study: optuna.Study, plan: TuningPlan) -> int:
+    """Return the number of drives that the verdict takes."""
+    rounds = min(FINALISTS, len(finished(study))) + 2  # the chosen trial again, and the present settings
+    return VERDICT_SEEDS * (rounds * len(plan.scenarios) + 2 * len(_held_out(plan)))
+
+
 def judge(study: optuna.Study, plan: TuningPlan, measure: Measure) -> TuningVerdict:
     """Return the verdict over the finished trials, of which there must be one."""
     done = finished(study)
@@ -79,13 +85,17 @@ def judge(study: optuna.Study, plan: TuningPlan, measure: Measure) -> TuningVerd
     again = _drive(plan, values_of(chosen), plan.scenarios, VERDICT_SEEDS, measure)
     present_again = _drive(plan, {}, plan.scenarios, VERDICT_SEEDS, measure)
     fresh = _compared(plan.scenarios, again, present_again)
-    held_out = tuple(one for one in HELD_OUT if one not in plan.scenarios)
+    held_out = _held_out(plan)
     others = _compared(
         held_out,
         _drive(plan, values_of(chosen), held_out, VERDICT_SEEDS, measure),
         _drive(plan, {}, held_out, VERDICT_SEEDS, measure),
     )
     return TuningVerdict(chosen.number, values_of(chosen), fresh, others, len(done))
+
+
+def _held_out(plan: TuningPlan) -> tuple[Scenario, ...]:
+    return tuple(one for one in HELD_OUT if one not in plan.scenarios)
 
 
 def best_trials(done: Sequence[FrozenTrial]) -> list[FrozenTrial]:

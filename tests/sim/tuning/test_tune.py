@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -17,7 +18,7 @@ from optuna.trial import create_trial
 from wallride import lab_options
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.lab.tuning.drive import HELD_OUT, MUS, SCENARIOS, SampledConditions, cells, measure
-from wallride.sim.tuning.command import measuring, plan_of, run
+from wallride.sim.tuning.command import TuningProgress, measuring, plan_of, run
 from wallride.sim.tuning.page import pareto_front
 from wallride.sim.tuning.study import FIRST_HELD_OUT_SEED, SEEDS, TuningPlan, finished, go_on, open_study
 from wallride.sim.tuning.verdict import _compared, _drive, best_trials
@@ -74,9 +75,16 @@ def _finished(folder, plan):
 def test_the_settings_file_can_be_driven_and_tells_where_each_value_is_from(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("wallride.sim.tuning.verdict.VERDICT_SEEDS", 1)
     monkeypatch.setattr("wallride.sim.tuning.verdict.HELD_OUT", (("t3", 3.0),))
+    bars = []
+    monkeypatch.setattr(TuningProgress, "__exit__", lambda self, *_: bars.extend(self._progress.tasks))
     folder = tmp_path / "study"
     assert run(options(*SMALL, "--trials", "4", "--set", "wall_follow.corner_ahead_m=1.5", "-o", str(folder))) == 0
-    said = capsys.readouterr().out
+    said, beside = capsys.readouterr()
+    (drives,) = map(int, re.findall(r"verdict: (\d+) drives", beside))
+    assert [(bar.description, bar.completed, bar.total) for bar in bars] == [
+        ("trials", 4, 4),
+        ("drives, verdict", drives, drives),
+    ]
     assert "held-out scenarios: cost" in said
     text = (folder / "tuned.toml").read_text()
     settings = load_settings(folder / "tuned.toml")
