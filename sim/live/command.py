@@ -13,7 +13,6 @@ from typing import Any
 from rich.console import Console
 
 from wallride.runtime.host.user_module import UserCodeError
-from wallride.runtime.own_drivers.settings import OwnMotorSettings
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.car.vehicle import Vehicle, VehicleSettings
 from wallride.sim.devices import lidar_kinds
@@ -21,7 +20,6 @@ from wallride.sim.figures.comparison import compare
 from wallride.sim.live.drive_summary import (
     HEARD,
     failed_to_record,
-    law_faults,
     plot_drive,
     recorded_words,
     summarize,
@@ -38,6 +36,7 @@ from wallride.sim.live.scenes import RecordingScene, WorldScene
 from wallride.sim.live.screen import LiveView, address_in, operate_hint, port_notice, starting
 from wallride.sim.live.session import USAGE_ERROR, RuntimeStart, SessionError, SimulatorSession
 from wallride.sim.live.stop_request import StopRequest
+from wallride.sim.live.user_code import UserCode
 from wallride.sim.recordings import RecordingError, load_recording
 from wallride.sim.scenario.command import tell
 from wallride.sim.scenario.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of
@@ -65,8 +64,8 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     """Run one simulated drive.
 
     Returns 0 when it was completed, by time, by laps or by Ctrl-C; 1 when the runtime failed, was not recorded although
-    that was wanted, drove without telemetry, so that its own report is missing, or a law of the user's failed; 2 for a
-    wrong option or a taken port; 130 when it was killed.
+    that was wanted, drove without telemetry, so that its own report is missing, or a law or driver of the user's
+    failed; 2 for a wrong option or a taken port; 130 when it was killed.
     """
     console = Console(stderr=True)
     try:
@@ -97,7 +96,7 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     if summary["telemetry"] != HEARD:
         print(f"wallride: {summary['telemetry']}; winners and faults are not known", file=sys.stderr)  # noqa: T201
         return FAILED
-    if faults := law_faults(settings, summary["faults"]):
+    if faults := UserCode.of(settings).faults(summary["faults"]):
         print(f"wallride: {'; '.join(faults)}", file=sys.stderr)  # noqa: T201
         return FAILED
     return _judged(scenario, scene, console) if scenario is not None and scene is not None else 0
@@ -162,7 +161,7 @@ def _drive(
         desired_m=settings.wall_follow.desired_distance_m,
         watched=not options.headless,
         changes=live,
-        own_motor=own_motor(settings),
+        user_code=UserCode.of(settings),
         **attach,
     )
     start = _start(options, config, settings, world.name)
@@ -180,11 +179,6 @@ def _drive(
     if options.plot is not None:
         plot_drive(options.plot, world, record, settings)
     return summary
-
-
-def own_motor(settings: Settings) -> str:
-    """Return the driver of the motor where it is the user's, "" else."""
-    return settings.motor.driver if isinstance(settings.motor, OwnMotorSettings) else ""
 
 
 def build_scene(
@@ -234,7 +228,7 @@ def _fleet(
         raise _innermost(group) from None
     if stop.killed:
         raise SessionError("killed; there is no summary")
-    return write_fleet(fleet_summary(cars, world.name), options.json, console)
+    return write_fleet(fleet_summary(cars, world.name), options.json, UserCode.of(settings), console)
 
 
 def _replay(
@@ -256,7 +250,9 @@ def _replay(
     vehicle = Vehicle(VehicleSettings(), Pose(0.0, 0.0, 0.0))
     wanted_m = settings.wall_follow.desired_distance_m
     wiring = Conditions().wiring.wired(settings.motor)
-    session = SimulatorSession(scene, vehicle, wiring, desired_m=wanted_m, watched=not options.headless)
+    session = SimulatorSession(
+        scene, vehicle, wiring, desired_m=wanted_m, watched=not options.headless, user_code=UserCode.of(settings)
+    )
     session.record.steering_rad = answers_rad = list[float]()
     duration_s = options.duration or math.inf
     start = _start(options, config, settings, f"recording {recording.name}")

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,6 @@ import numpy as np
 from rich.table import Table
 
 from wallride.runtime.arbitration.command import NO_WINNER
-from wallride.runtime.control.own_laws.law_class import is_own
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.telemetry.screen_words import because, times
 from wallride.sim.figures.summary import SETTLE_BAND_M, device_faults
@@ -44,23 +43,10 @@ def summarize(record: Record, settings: Settings) -> dict[str, Any]:
         "scans_sent": record.scans,
         "scans_driven": status.get("scans") if status else None,
         "winners": {name: round(seconds, 2) for name, seconds in winners.items()} if status else None,
-        "faults": _all_faults(status, settings) if status else None,
+        "faults": device_faults(status) | dict(record.own_faults) if status else None,
         "held_up": record.held_up.words,
         "recording": _recording((status or {}).get("recording")),
     }
-
-
-def law_faults(settings: Settings, reasons: Iterable[str]) -> list[str]:
-    """Return those reasons that are faults of a law of the user's: each names the law first."""
-    laws = (settings.wall_follow.method, settings.safety.method)
-    names = tuple(f"{law} " for law in laws if is_own(law))
-    return [reason for reason in reasons if names and reason.startswith(names)]
-
-
-def _all_faults(status: Mapping[str, Any], settings: Settings) -> dict[str, int]:
-    """Return the faults of the devices, and that of a law that still stops the car at the end."""
-    reason = str((status.get("output") or {}).get("reason", ""))
-    return device_faults(status) | dict.fromkeys(law_faults(settings, [reason]), 1)
 
 
 def _stands_because(decision: Mapping[str, Any] | None) -> str | None:

@@ -27,6 +27,7 @@ from wallride.sim.live.screen import port_notice
 from wallride.sim.live.session import RuntimeStart, SimulatorSession
 from wallride.sim.live.stop_request import StopRequest
 from wallride.sim.live.traffic import TrafficWorld, starts
+from wallride.sim.live.user_code import UserCode
 from wallride.sim.scenario.conditions import Conditions
 from wallride.sim.world.place import World
 
@@ -61,7 +62,9 @@ def build_fleet(
         scene.back_to = vehicle.pose if put_back else None
         scene.surroundings = TrafficWorld(own_world, things, [other for other in vehicles if other is not vehicle])
         wiring = conditions.wiring.wired(settings.motor)
-        session = SimulatorSession(scene, vehicle, wiring, desired_m=settings.wall_follow.desired_distance_m)
+        session = SimulatorSession(
+            scene, vehicle, wiring, desired_m=settings.wall_follow.desired_distance_m, user_code=UserCode.of(settings)
+        )
         session.join(all_ready.wait)
         cars.append(SimulatedCar(f"car{k + 1}", scene, session))
     return cars
@@ -90,8 +93,11 @@ def fleet_summary(cars: list[SimulatedCar], world: str) -> dict[str, Any]:
     return {"world": world, "cars": {car.name: _figures(car) for car in cars}}
 
 
-def write_fleet(summary: dict[str, Any], target: str | None, console: Console) -> int:
-    """Write the summary; return the exit code, 1 when a car touched something or was not heard."""
+def write_fleet(summary: dict[str, Any], target: str | None, code: UserCode, console: Console) -> int:
+    """Write the summary; return the exit code, 1 when a car touched something, was not heard, or `code` failed.
+
+    code: the user's laws and drivers.
+    """
     text = json.dumps(summary, indent=2) + "\n"
     if target == "-":
         sys.stdout.write(text)
@@ -99,6 +105,12 @@ def write_fleet(summary: dict[str, Any], target: str | None, console: Console) -
         if target is not None:
             Path(target).write_text(text, encoding="utf-8")
         console.print(_table(summary))
+    failed = {name: code.faults(car["faults"] or ()) for name, car in summary["cars"].items()}
+    for name, faults in failed.items():
+        if faults:
+            print(f"wallride: {name}: {'; '.join(faults)}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+    if any(failed.values()):
+        return 1
     return 1 if any(car["contacts"] or car["telemetry"] for car in summary["cars"].values()) else 0
 
 
@@ -155,7 +167,7 @@ def _figures(car: SimulatedCar) -> dict[str, Any]:
         "scan_to_motor_ms": record.latency.summary_ms(),
         "cpu_share": round(record.cpu_s / record.time_s, 3) if record.time_s and math.isfinite(record.cpu_s) else None,
         "telemetry": "" if status else record.unheard,
-        "faults": device_faults(status) if status else None,
+        "faults": device_faults(status) | dict(record.own_faults) if status else None,
     }
 
 

@@ -11,6 +11,7 @@ from wallride.runtime.parameters.history import SettingChange
 from wallride.runtime.wire import topics, zenoh_config
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.network import RefusedError, Reply
+from wallride.sim.live.user_code import NO_USER_CODE, UserCode
 
 CONNECT_TIMEOUT_S = 15.0
 RETRY_S = 0.1
@@ -24,15 +25,19 @@ _FLOAT32 = struct.Struct("<4xf")
 class Listener:
     """Subscribes to one start of one car at a known endpoint; messages of another start are rejected.
 
+    user_code: the user's laws and drivers. own_faults: how often each of their faults began.
     latest: the newest message of each topic; `distance_error` as {"error_m": metres}.
     problem: why nothing is received, "" while messages arrive.
     """
 
-    def __init__(self, endpoint: str, car: str, session: str) -> None:
+    def __init__(self, endpoint: str, car: str, session: str, user_code: UserCode = NO_USER_CODE) -> None:
         self._endpoint = endpoint
         self._prefix = topics.key(car, "")
         self._session = session
         self._replies: dict[str, Reply] = {}
+        self._user_code = user_code
+        self._faulty: frozenset[str] = frozenset()
+        self.own_faults: dict[str, int] = {}
         self.latest: dict[str, Mapping[str, Any]] = {}
         self.problem = "nothing was heard from it"
         self._heard = asyncio.Event()
@@ -98,9 +103,15 @@ class Listener:
             status = topics.decode(payload)
             if status.get("session") == self._session:
                 self.latest[topic], self.problem = status, ""
+                self._count_faults(self._user_code.faults_in(status))
                 self._heard.set()
             else:
                 self.problem = f"another car answers at {self._endpoint} (session {status.get('session')})"
         elif not self.problem:
             (error_m,) = _FLOAT32.unpack(payload)
             self.latest[topic] = {"error_m": error_m}
+
+    def _count_faults(self, faults: frozenset[str]) -> None:
+        for fault in sorted(faults - self._faulty):
+            self.own_faults[fault] = self.own_faults.get(fault, 0) + 1
+        self._faulty = faults

@@ -2,7 +2,7 @@
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -43,7 +43,7 @@ class Record:
     """Record of one drive, while it goes on and afterwards.
 
     desired_m: the distance that is wanted at the start. fresh: the truth, one sample per scan, not summed up yet.
-    track: of the whole drive, thinned. scans: their number.
+    track: of the whole drive, thinned. scans: those that the lidar has sent.
     steering_rad: our answer to each scan, read from the wire before the next one; None where it is not needed.
     telemetry: the runtime's newest message of each topic. unheard: why there are none, "" if there are some.
     address: address of the runtime. listen: endpoints that it was to have. starting_s: how long the start has taken.
@@ -51,6 +51,7 @@ class Record:
     changes: the settings that were changed while it drove.
     stop_command: the last motor command it ever wrote.
     held_up: how long this computer kept the emulated devices from running.
+    own_faults: how often each fault of the user's laws and drivers began.
     cpu_s: processor time of the runtime up to the end of the drive; NaN where the system does not tell.
     log, page: what the runtime, and the monitor beside it, printed.
     """
@@ -69,6 +70,7 @@ class Record:
     began_s: float = 0.0
     changes: Sequence[SettingChange] = ()
     telemetry: dict[str, Any] = field(default_factory=dict)
+    own_faults: Mapping[str, int] = field(default_factory=dict)
     unheard: str = "the runtime did not say where its telemetry is"
     address: Address | None = None
     listen: Sequence[str] = ()
@@ -80,8 +82,7 @@ class Record:
     stop_command: MotorDemand | None = None
 
     def note(self, sample: Sample) -> None:
-        """Take the truth at a scan."""
-        self.scans += 1
+        """Take the truth at a moment."""
         self.fresh.append(sample)
         self.track.add(sample)
 

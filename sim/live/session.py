@@ -31,6 +31,7 @@ from wallride.sim.live.live_conditions import LiveConditions
 from wallride.sim.live.record import Record
 from wallride.sim.live.runtime_process import RuntimeProcess, WallrideProcess, cpu_s_of
 from wallride.sim.live.stop_request import StopRequest
+from wallride.sim.live.user_code import NO_USER_CODE, UserCode
 from wallride.sim.world.pose import Pose
 
 FAREWELL = "farewell"
@@ -124,15 +125,17 @@ class SimulatorSession:
 
     desired_m: the wanted distance at the start. watched: whether a monitor serves its page meanwhile.
     changes: conditions that the page may change, None for none.
-    on_devices: gets the emulators once they run. own_motor: driver of the user in place of the VESC's, "" for none.
+    on_devices: gets the emulators once they run. user_code: the user's laws and drivers, whose faults are recorded; its
+    motor takes the place of the VESC.
     """
 
     def __init__(
         self, scene: LidarScene, vehicle: Vehicle, wiring: VescSettings, *, desired_m: float = math.nan,
         watched: bool = False, changes: LiveConditions | None = None,
-        on_devices: Callable[[ScipEmulator, VescEmulator], None] = lambda _scip, _vesc: None, own_motor: str = "",
+        on_devices: Callable[[ScipEmulator, VescEmulator], None] = lambda _scip, _vesc: None,
+        user_code: UserCode = NO_USER_CODE,
     ) -> None:  # fmt: skip
-        self._own_motor = own_motor
+        self._user_code = user_code
         self._watched = watched
         self._changes = changes
         self._on_devices = on_devices
@@ -208,8 +211,8 @@ class SimulatorSession:
 
     async def _motor(self, stack: AsyncExitStack, folder: Path) -> tuple[EmulatedMotor, str]:
         """Start the emulated motor controller; return it and the setting that names its address."""
-        if self._own_motor:
-            own = OwnMotorEmulator(emulator_of("motor", self._own_motor), self._on_command)
+        if self._user_code.motor:
+            own = OwnMotorEmulator(emulator_of("motor", self._user_code.motor), self._on_command)
             stack.push_async_callback(own.close)
             return own, f"motor.own.address={await own.start()}"
         vesc = VescEmulator(folder / "vesc", on_command=self._on_command)
@@ -259,8 +262,8 @@ class SimulatorSession:
         if address is None or not address.endpoint:
             self.record.unheard = address.problem if address is not None else self.record.unheard
             return None
-        listener = Listener(address.endpoint, address.car, address.session)
-        self.record.telemetry = listener.latest
+        listener = Listener(address.endpoint, address.car, address.session, self._user_code)
+        self.record.telemetry, self.record.own_faults = listener.latest, listener.own_faults
         if self._changes is not None:
             listener.answer(topics.SIMULATOR, self._changes.answer)
         return listener
@@ -315,6 +318,7 @@ class SimulatorSession:
         """Let the head measure what it has passed since the last step; a scan ends where it looks back."""
         before = lidar.turns_past_back
         sent_s = lidar.advance(now_s, lambda rays: self._scene.see(self._vehicle, rays))
+        self.record.scans += lidar.turns_past_back - before
         if sent_s is not None and lidar.turns_past_back > before:
             self.record.latency.scan_sent(sent_s)
 
@@ -323,6 +327,7 @@ class SimulatorSession:
         self.record.ranges_mm = ranges_mm
         if isinstance(scip, TurningLidar):
             return
+        self.record.scans += 1
         sent_s = scip.publish(ranges_mm, stamp_ms % STAMP_MS)
         if sent_s is not None:
             self.record.latency.scan_sent(sent_s)

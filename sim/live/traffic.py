@@ -7,6 +7,7 @@ import numpy as np
 from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.live.session import SessionError
 from wallride.sim.virtual.closed_loop import Case, drive
 from wallride.sim.world.obstacles import Obstacle, ObstacleWorld
 from wallride.sim.world.place import World
@@ -52,7 +53,7 @@ def outline_m(pose: Pose, footprint: Footprint = CAR) -> Floats:
 def starts(world: World, count: int, settings: Settings) -> list[Pose]:
     """Return a start for each car, along the way that a car alone drives; the first is the world's own.
 
-    ValueError when the car does not come that far.
+    ValueError when the car does not come that far, SessionError where a law of the user's has failed on it.
     """
     gap_m = world.lap.length_m / count if world.lap is not None else APART_M
     laws = LiveLaws(settings.wall_follow, settings.safety, settings.car)
@@ -65,6 +66,8 @@ def starts(world: World, count: int, settings: Settings) -> list[Pose]:
     run = drive(case, laws, laws)
     poses = np.vstack([[world.start.x_m, world.start.y_m, world.start.yaw_rad], run.pose])
     driven_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
+    if laws.own_law_fault:
+        raise SessionError(f"{laws.own_law_fault}; a car alone drove {driven_m[-1]:.0f} m, to find the starts")
     if driven_m[-1] < way_m or run.contact is not None:
         raise ValueError(
             f"{world.name} has no place for {count} cars: a car alone ends after {driven_m[-1]:.0f} m of {way_m:.0f} m"

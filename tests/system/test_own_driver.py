@@ -1,5 +1,6 @@
 """A driver of the user in the whole process: it drives the emulated car, and each of its lies stops the car."""
 
+import json
 import sys
 import time
 
@@ -7,7 +8,9 @@ import pytest
 
 from tests.system.bench import bench
 from tests.system.test_own_law import typed
+from wallride.new.lidar_emulator import LidarDevice
 
+EMULATED_HZ = LidarDevice.rate_hz
 DRIVER = """import asyncio, math, time
 from dataclasses import replace
 import numpy as np
@@ -71,6 +74,21 @@ async def test_a_lie_stops_the_car_with_its_reason_and_line_and_the_process_live
         assert time.monotonic() - stood_s < 3.0
         await car.until_driving()  # it is made anew, and operator.permit is "always" here
         assert car.runtime.exit_code is None
+
+
+def test_a_simulated_drive_ends_with_the_fault_of_its_driver_and_the_scans_of_its_lidar(tmp_path):
+    assert typed(tmp_path, "new", "driver", "my_lidar", "--kind", "lidar").returncode == 0
+    file, told, anchor = tmp_path / "my_lidar.py", tmp_path / "told.json", "self.sequence += 1\n"
+    source = file.read_text()
+    assert source.count(anchor) == 1
+    for then, code in (("pass", 0), ("{}['lost']", 1)):
+        file.write_text(source.replace(anchor, f"{anchor}                if self.sequence > 20:\n{20 * ' '}{then}\n"))
+        asked = ("--set", "lidar.driver=my_lidar:Driver", "--set", "telemetry.any_port=true", "--json", str(told))
+        done = typed(tmp_path, "sim", "--headless", "--duration", "4", *asked)
+        assert done.returncode == code, done.stderr
+        summary = json.loads(told.read_text())
+        assert summary["scans_sent"] / summary["duration_s"] == pytest.approx(EMULATED_HZ, rel=0.1)
+    assert "wallride: my_lidar:Driver raised KeyError: 'lost' (my_lidar.py:" in done.stderr
 
 
 async def test_a_scan_repeated_with_fresh_stamps_stops_the_car_after_0_3_m(tmp_path):

@@ -201,6 +201,25 @@ def test_a_simulated_drive_of_a_law_that_fails_ends_with_its_sentence_and_code_1
     assert json.loads((tmp_path / "told.json").read_text())["faults"] == {sentence: 1}
 
 
+def test_a_fault_of_a_law_is_told_at_the_end_although_the_car_drives_again(tmp_path):
+    once = "if __import__('sys').argv[1] == 'run' and not hasattr(Law, 'failed'): Law.failed = 1; {}['once']"
+    settings(tmp_path, once)
+    asked = ("--set", "wall_follow.method=late_law:Law", "--set", "operator.permit=always", "--cars", "2")
+    done = typed(tmp_path, "sim", "corridor", "--headless", "--duration", "8", *asked, "--json", "told.json")
+    assert done.returncode == 1
+    for name in ("car1", "car2"):
+        assert f"wallride: {name}: late_law:Law raised KeyError: 'once' (late_law.py:11)\n" in done.stderr
+    cars = json.loads((tmp_path / "told.json").read_text())["cars"]
+    assert all(one["distance_m"] > 3.0 for one in cars.values())
+
+
+def test_a_law_that_fails_where_the_starts_of_several_cars_are_looked_for_is_named(tmp_path):
+    settings(tmp_path, "raise ValueError('lost')")
+    done = typed(tmp_path, "sim", "--headless", "--set", "wall_follow.method=late_law:Law", "--cars", "2")
+    assert done.returncode == 1
+    assert "wallride: late_law:Law raised ValueError: lost (late_law.py:11); a car alone drove" in done.stderr
+
+
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
