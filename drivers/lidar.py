@@ -74,6 +74,22 @@ class ConnectedLidar(ABC, Generic[TalkT]):
     async def _say_goodbye(self, talk: TalkT) -> None:
         """Stop the sensor before the port is closed; a link that is lost takes no command."""
 
+    async def _who(self, talk: TalkT) -> str:  # noqa: ARG002 - some have to ask once more
+        """Return the identity of the sensor just met."""
+        return self._health.identity
+
+    async def identify(self) -> tuple[Address, str]:
+        """Meet the sensor once; return where it answered, and its identity. It is left quiet, the port closed.
+
+        DriverError where nothing of its protocol answers, or what answers cannot be used.
+        """
+        talk = await self._reach()
+        try:
+            return self._address, await until_lost(talk.link, self._who(talk))
+        finally:
+            await self._say_goodbye(talk)
+            talk.link.close()
+
     @property
     def health(self) -> Health:
         """Its present condition."""

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 
 from wallride.drivers.api import Clock, MotorState, Reschedule, as_wanted
+from wallride.drivers.auto.settings import AutoLidarSettings
 from wallride.drivers.hokuyo.driver import Hokuyo
 from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.drivers.rplidar.driver import Rplidar
@@ -34,6 +35,8 @@ def lidar_for(
     """Return the driver, not yet running. motion: how the lidar moves, for those that take long for a turn."""
     if isinstance(settings, HokuyoSettings):
         return Hokuyo(settings, clock=clock, clear_s=clear_s)
+    if isinstance(settings, AutoLidarSettings):
+        raise TypeError('lidar.driver = "auto" names no driver: give the settings that find_lidar returns')
     if isinstance(settings, OwnLidarSettings):
         return OwnLidar(settings, clock=clock)
     if isinstance(settings, TopicLidarSettings):

@@ -42,6 +42,9 @@ from wallride.runtime.host.terminal_text import one_line, say
 from wallride.service import options as service_options
 from wallride.vesc import options as vesc_options
 
+LATER = 1
+"""Exit code of what the service manager may try again: nothing is wrong with the settings."""
+
 if TYPE_CHECKING:
     from wallride.clients.joystick.car_joystick import CarJoystick
     from wallride.runtime.settings.tree import Settings
@@ -170,19 +173,23 @@ def _run(options: argparse.Namespace) -> int:
     from wallride.doctor.places import colliding_places
     from wallride.doctor.ports import unusable_paths
     from wallride.doctor.slow_speeds import too_slow_to_turn
+    from wallride.drivers.api import DriverError
     from wallride.runtime.security.access_list import KeysError
     from wallride.runtime.settings.tree import SettingsError
 
     try:
         file = options.config or default_config()
-        settings = _load(file, options.assignments, options.saved)
+        settings, about_lidar = _with_its_lidar(_load(file, options.assignments, options.saved), file, options)
         problems = unusable_paths(settings) + colliding_places(settings, (file, options.saved, options.address_file))
         problems += _mistakes_of_own_code(settings)
         session, warnings = _session(settings)
         routers, about_routers = _routers(settings)
-        warnings += (*about_routers, *_saved_limits(options.saved or file), *too_slow_to_turn(settings))
+        warnings += (*about_lidar, *about_routers, *_saved_limits(options.saved or file), *too_slow_to_turn(settings))
     except (SettingsError, KeysError) as error:
         return fail(str(error))
+    except DriverError as error:
+        fail(f'lidar.driver = "auto": {error}')
+        return LATER
     if problems:
         return fail("; ".join(problems))
     from wallride.runtime import launch
@@ -196,6 +203,24 @@ def _run(options: argparse.Namespace) -> int:
     except launch.LaunchError as error:
         return fail(str(error))
     return 0
+
+
+def _with_its_lidar(
+    settings: "Settings", file: Path | None, options: argparse.Namespace
+) -> "tuple[Settings, tuple[str, ...]]":
+    """Return the settings with the lidar that `auto` found and wrote down, and what is to be said of it."""
+    from wallride.drivers.auto.settings import AutoLidarSettings
+
+    if not isinstance(settings.lidar, AutoLidarSettings):
+        return settings, ()
+    import asyncio
+    from datetime import UTC, datetime
+
+    from wallride.runtime.found_lidar import look_for, write_down
+
+    found = asyncio.run(look_for(settings.lidar, settings.motor))
+    words = write_down(found, file, options.saved, options.assignments, datetime.now(UTC).date())
+    return settings.model_copy(update={"lidar": found.settings}), (words,)
 
 
 def _joystick(settings: "Settings") -> "tuple[CarJoystick | None, tuple[str, ...]]":

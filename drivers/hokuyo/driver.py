@@ -51,6 +51,9 @@ class Hokuyo(ConnectedLidar[Conversation]):
         await quieten(talk)
         return talk
 
+    async def _who(self, talk: Conversation) -> str:
+        return (await identify(talk)).name
+
     async def _measure(self, talk: Conversation, on_scan: Callable[[Scan], None]) -> Never:
         while True:
             self._say(LinkState.STARTING, f"{talk.link.address}: asking the sensor who it is{self._lateness}")

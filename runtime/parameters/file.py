@@ -31,19 +31,20 @@ class StoreError(Exception):
 
 
 def save(
-    path: Path, edits: Mapping[str, Value | None], expected: Mapping[str, Value], base: Path | None = None
-) -> None:
+    path: Path, edits: Mapping[str, Value | None], expected: Mapping[str, Value], base: Path | None = None, *,
+    origin: str = "",
+) -> None:  # fmt: skip
     """Write edits (None removes a key) into a settings file, then check that it loads to the expected values.
 
     A key whose value holds without this file is not added to it. Edits by other programs since the start stay.
-    base: the file below this one, where there is one; then this one holds differences only, and need not exist. Raises
-        StoreError.
+    base: the file below this one, where there is one; then this one holds differences only, and need not exist.
+        origin: the comment behind each value. Raises StoreError.
     """
     path = Path(os.path.realpath(path))  # a link to the file stays a link
     text, before = _present(path, base)
     _refuse_another_law(text, edits, expected, path, base)
     known = _unsaid(base, expected)
-    content = merged(text, edits, path, known, keep=base is None)
+    content = merged(text, edits, path, known, keep=base is None, origin=origin)
 
     def is_good(written: Path) -> None:
         _check(written, expected, path, base)
@@ -60,10 +61,12 @@ def merged(
     known: Mapping[str, Value] | None = None,
     *,
     keep: bool = True,
+    origin: str = "",
 ) -> str:
     """Return a TOML text with some values changed and everything else unchanged.
 
-    known: values that need not be written. keep: whether an existing line with such a value stays.
+    known: values that need not be written. keep: whether an existing line with such a value stays. origin: a comment
+        behind each value, in place of the one there; "": that one stays.
     """
     try:
         tomllib.loads(text)
@@ -73,7 +76,9 @@ def merged(
             if value is None or (is_known and not keep):
                 text = toml_text.remove(text, place)
             elif not is_known or toml_text.holds(text, place):
-                comment = _with_mark(toml_text.comments(text).get(place, "")) if is_safety_relevant(name) else None
+                comment = (
+                    _with_mark(toml_text.comments(text).get(place, "")) if is_safety_relevant(name) else origin or None
+                )
                 text = toml_text.set_value(text, place, value, comment)
     except (RecursionError, ValueError) as error:
         raise StoreError(f"{path}: is not TOML that can be edited: {error}; nothing was saved") from None

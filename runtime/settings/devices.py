@@ -5,6 +5,7 @@ from typing import Annotated, Any, Final
 
 from pydantic import BaseModel, Discriminator, Tag
 
+from wallride.drivers.auto.settings import AutoLidarSettings
 from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.drivers.rplidar.settings import RplidarSettings
 from wallride.drivers.vesc.settings import VescSettings
@@ -16,13 +17,13 @@ from wallride.runtime.settings.scan_topic import TopicLidarSettings
 
 DEFAULT_DRIVERS: Final[Mapping[str, str]] = {"lidar": "hokuyo", "motor": "vesc"}
 DRIVERS: Final[Mapping[str, tuple[type[BaseModel], ...]]] = {
-    "lidar": (HokuyoSettings, RplidarSettings, YdlidarSettings, TopicLidarSettings),
+    "lidar": (HokuyoSettings, RplidarSettings, YdlidarSettings, AutoLidarSettings, TopicLidarSettings),
     "motor": (VescSettings,),
 }
 """Settings of the built-in drivers of each kind of device."""
 OWN_DRIVERS: Final[Mapping[str, type[BaseModel]]] = {"lidar": OwnLidarSettings, "motor": OwnMotorSettings}
 """Settings of the user's own drivers, beside the built-in ones."""
-DRIVER_TAGS: Final = frozenset({"hokuyo", "rplidar", "ydlidar", "topic", "vesc", OWN_TAG})
+DRIVER_TAGS: Final = frozenset({"hokuyo", "rplidar", "ydlidar", "auto", "topic", "vesc", OWN_TAG})
 
 
 def _driver(section: str) -> Discriminator:
@@ -36,12 +37,15 @@ def _driver(section: str) -> Discriminator:
     return Discriminator(tell)
 
 
-AnyLidarSettings = HokuyoSettings | RplidarSettings | YdlidarSettings | TopicLidarSettings | OwnLidarSettings
+AnyLidarSettings = (
+    HokuyoSettings | RplidarSettings | YdlidarSettings | AutoLidarSettings | TopicLidarSettings | OwnLidarSettings
+)
 AnyMotorSettings = VescSettings | OwnMotorSettings
 ChosenLidar = Annotated[
     Annotated[HokuyoSettings, Tag("hokuyo")]
     | Annotated[RplidarSettings, Tag("rplidar")]
     | Annotated[YdlidarSettings, Tag("ydlidar")]
+    | Annotated[AutoLidarSettings, Tag("auto")]
     | Annotated[TopicLidarSettings, Tag("topic")]
     | Annotated[OwnLidarSettings, Tag(OWN_TAG)],
     _driver("lidar"),

@@ -34,7 +34,5 @@ def emulated(word: str) -> TurningDevice | None:
 
 def assignments(word: str) -> list[str]:
     """Return the settings that name the driver of a word of KINDS."""
-    if word == HOKUYO:
-        return []
-    driver = _DEVICES[word][0]
+    driver = HOKUYO if word == HOKUYO else _DEVICES[word][0]
     return [f"lidar.driver={driver}", *(["lidar.model=x2"] if word == "x2" else [])]

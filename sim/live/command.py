@@ -108,6 +108,8 @@ def _load(options: argparse.Namespace, config: Path, saved: Path) -> Settings:
         options.assignments = [*lidar_kinds.assignments(options.lidar), *options.assignments]
     settings = load_settings(config, options.assignments, saved, laws=True, drivers=True)
     options.lidar = options.lidar or settings.lidar.driver
+    if settings.lidar.driver == "auto":
+        raise SimUsageError('lidar.driver = "auto" looks for a real lidar: name an emulated one, as in --lidar rplidar')
     return settings
 
 

@@ -10,7 +10,7 @@ from wallride.doctor.computer import Computer
 from wallride.doctor.condition import check_condition
 from wallride.doctor.findings import Finding, Level, fail, ok, warn
 from wallride.doctor.joystick import check_joystick
-from wallride.doctor.lidar import judge_lidar, look_at_lidar, scans_from_elsewhere
+from wallride.doctor.lidar import judge_lidar, look_at_lidar, remedy_of, scans_from_elsewhere
 from wallride.doctor.motor import judge_motor, look_at_motor
 from wallride.doctor.motor_config import judge_app_config, read_app_config
 from wallride.doctor.network import check_network
@@ -18,7 +18,10 @@ from wallride.doctor.places import colliding_places
 from wallride.doctor.ports import check_ports
 from wallride.doctor.program import check_program
 from wallride.doctor.wheels_up import Ask, measure_wheels_up
+from wallride.drivers.api import DriverError
+from wallride.drivers.auto.settings import AutoLidarSettings
 from wallride.drivers.vesc.settings import VescSettings
+from wallride.runtime.found_lidar import look_for
 from wallride.runtime.settings.scan_topic import TopicLidarSettings
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.runtime.wire.port_holder import holder_of
@@ -92,6 +95,14 @@ async def _lidar(computer: Computer, settings: Settings) -> AsyncIterator[Findin
     if isinstance(settings.lidar, TopicLidarSettings):
         yield scans_from_elsewhere(settings.lidar)
         return
+    if isinstance(settings.lidar, AutoLidarSettings):
+        try:
+            found = await look_for(settings.lidar, settings.motor)
+        except DriverError as error:
+            yield fail("lidar", str(error), remedy_of(str(error)))
+            return
+        yield ok("lidar kind", f"{found.settings.driver} at {found.place}; wallride run writes it down")
+        settings = settings.model_copy(update={"lidar": found.settings})
     report = await look_at_lidar(settings.lidar)
     for finding in check_network(computer, settings):
         answers = report.scans and finding.level is Level.FAIL

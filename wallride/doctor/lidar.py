@@ -24,6 +24,8 @@ COVERED_SHARE: Final = 0.5
 _POLL_S: Final = 0.02
 
 REMEDIES: Final = (
+    ("two lidars answer", "name the address of the one that the car drives with in lidar.address"),
+    ("no lidar found", "plug it in and power it (5 V, 1 A when its motor starts); or name it in lidar.driver"),
     ("does not start measuring", "use a USB hub with a supply: the motor takes up to 1 A when it starts"),
     ("repeats one turn", "unplug it for a moment; if it comes back, have it repaired"),
     ("only zero bytes", "use a USB hub with a supply, and a short cable; then another adapter"),

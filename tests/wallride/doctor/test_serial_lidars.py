@@ -2,6 +2,8 @@
 
 import asyncio
 import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +20,15 @@ from wallride.drivers.turning.conversation import describe
 from wallride.drivers.ydlidar.settings import YdlidarSettings
 from wallride.runtime.ending import end
 from wallride.runtime.settings.devices import AnyLidarSettings
+from wallride.runtime.settings.tree import Settings
 from wallride.sim.devices.rplidar import RplidarDevice
 from wallride.sim.devices.turning import TurningEmulator
 from wallride.sim.devices.ydlidar import X2, YdlidarDevice
 
 
-async def found(emulator: TurningEmulator, chosen: AnyLidarSettings, path: Path) -> dict[str, Finding]:
-    """Return the doctor's findings on an emulated lidar by their subjects."""
+@asynccontextmanager
+async def turning(emulator: TurningEmulator, path: Path) -> AsyncIterator[None]:
+    """An emulated lidar on a serial port."""
     emulator.start_serial(path)
 
     async def turn() -> None:
@@ -32,12 +36,18 @@ async def found(emulator: TurningEmulator, chosen: AnyLidarSettings, path: Path)
             emulator.advance(time.monotonic(), room_mm)
             await asyncio.sleep(0.004)
 
-    turning = asyncio.create_task(turn())
+    running = asyncio.create_task(turn())
     try:
-        return {finding.subject: finding for finding in judge_lidar(await look_at_lidar(chosen))}
+        yield
     finally:
-        await end(turning)
+        await end(running)
         emulator.close()
+
+
+async def found(emulator: TurningEmulator, chosen: AnyLidarSettings, path: Path) -> dict[str, Finding]:
+    """Return the doctor's findings on an emulated lidar by their subjects."""
+    async with turning(emulator, path):
+        return {finding.subject: finding for finding in judge_lidar(await look_at_lidar(chosen))}
 
 
 def rplidar(path: Path, **values: Any) -> RplidarSettings:
@@ -113,3 +123,29 @@ async def test_a_port_that_is_not_there_is_told_where_the_lidar_alone_is_looked_
     for groups in (("lidar",), ("ports", "lidar")):
         told = [one async for one in examine(healthy(tmp_path / "_".join(groups)), chosen, groups)]
         assert [one.level for one in told if one.subject == "lidar port"] == [Level.FAIL]
+
+
+async def test_what_auto_finds_is_named_and_looked_at(tmp_path):
+    device, path = TurningEmulator(RplidarDevice()), tmp_path / "lidar"
+    chosen = settings("lidar.driver=auto", f"lidar.address=serial://{path}")
+    told = await looked_at(device, path, tmp_path, chosen)
+    assert {one.level for one in told.values()} == {Level.OK}
+    assert f"rplidar at serial://{path}?baud=115200" in told["lidar kind"].words
+    assert "RPLIDAR" in told["lidar"].words
+
+
+async def test_what_auto_cannot_find_is_told_with_its_remedy(tmp_path):
+    device, path = TurningEmulator(RplidarDevice()), tmp_path / "lidar"
+    device.silence = True
+    chosen = settings("lidar.driver=auto", f"lidar.address=serial://{path}")
+    told = await looked_at(device, path, tmp_path, chosen)
+    assert told["lidar"].level is Level.FAIL
+    assert "plug it in" in told["lidar"].remedy
+
+
+async def looked_at(emulator: TurningEmulator, path: Path, root: Path, chosen: Settings) -> dict[str, Finding]:
+    """Return the findings of `wallride doctor --only lidar` by their subjects."""
+    computer = healthy(root / "computer")
+    link(computer.root, str(path).lstrip("/"), "/dev/zero")
+    async with turning(emulator, path):
+        return {one.subject: one async for one in examine(computer, chosen, ("lidar",))}
