@@ -24,7 +24,7 @@ import numpy as np
 
 from wallride.drivers.api import Health, LinkState, MotorState, Scan
 from wallride.runtime.arbitration.command import Output, Source, consent
-from wallride.runtime.arbitration.queues import Inbox
+from wallride.runtime.arbitration.inbox import Inbox
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.ending import end
 from wallride.runtime.live_stack import REQUIRED, LiveStack, warm_up
@@ -138,7 +138,7 @@ class Bench:
         timer.every(0.02, mux_task.SilenceTick(self.queue, 50.0, self._clock).tick)
         jobs = (
             lidar_task.pump(
-                self.lidar, [for_safety.put, for_follower.put, self._decision_log.add_scan, self.telemetry.on_scan]
+                self.lidar, [self._decision_log.add_scan, self.telemetry.on_scan, for_safety.put, for_follower.put]
             ),
             safety.watch(for_safety, self.motor, self.stack.look, self.stages.safety),
             wall_follow.follow(for_follower, self.motor, answer, cycle),

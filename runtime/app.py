@@ -16,8 +16,8 @@ from wallride.runtime import kernel
 from wallride.runtime.arbitration.command import Output
 from wallride.runtime.arbitration.driving_state import DrivingStateMonitor
 from wallride.runtime.arbitration.emergency_stop import EmergencyStop
+from wallride.runtime.arbitration.inbox import Inbox
 from wallride.runtime.arbitration.permit import Permit
-from wallride.runtime.arbitration.queues import Inbox
 from wallride.runtime.ending import end
 from wallride.runtime.host.systemd import ServiceManager
 from wallride.runtime.live_stack import REQUIRED, LiveStack
@@ -232,8 +232,8 @@ class Car:
             "lidar": lidar_task.pump(
                 self.lidar,
                 [
-                    self.own_parts.meet, self.decision_log.add_scan, for_safety.put, for_follower.put,
-                    beside.guarded("telemetry", self.telemetry.on_scan),
+                    self.own_parts.meet, self.decision_log.add_scan, beside.guarded("telemetry", self.telemetry.on_scan),
+                    for_safety.put, for_follower.put,
                 ],
                 timed=lambda scan: self.stages.on_scan(scan.received_s, self._reading_s()),
             ),

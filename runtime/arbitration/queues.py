@@ -102,32 +102,3 @@ class PriorityQueue(Generic[K, V]):
     def wake(self) -> None:
         """Wake the waiter in `changed`, so that silence is examined as well as changes."""
         self._change.set()
-
-
-class Inbox(Generic[V]):
-    """Holds the newest value only, each taken once: for consumers that must never work through a backlog.
-
-    One reader at a time. Equivalent to a queue with one key, in a quarter of its time: every scan passes here twice.
-    """
-
-    def __init__(self) -> None:
-        self._newest: V | None = None
-        self._reader: asyncio.Future[None] | None = None
-
-    def put(self, value: V) -> None:
-        """Replace the present value, which is never None."""
-        self._newest = value
-        if self._reader is not None and not self._reader.done():
-            self._reader.set_result(None)
-
-    async def get(self) -> V:
-        """Take the newest value, waiting for one if need be."""
-        while (value := self._newest) is None:
-            assert self._reader is None, "an inbox has one reader"  # noqa: S101 - a bug in the wiring
-            self._reader = asyncio.get_running_loop().create_future()
-            try:
-                await self._reader
-            finally:
-                self._reader = None
-        self._newest = None
-        return value

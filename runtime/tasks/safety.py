@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Never
 
 from wallride.drivers.api import Motor, MotorState, Scan
-from wallride.runtime.arbitration.queues import Inbox
+from wallride.runtime.arbitration.inbox import Inbox
 from wallride.runtime.realtime.stage_timing import TimedStage
 
 Look = Callable[[Scan, MotorState | None], object]

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Never
 
 from wallride.drivers.api import Motor, MotorState, Scan
-from wallride.runtime.arbitration.queues import Inbox
+from wallride.runtime.arbitration.inbox import Inbox
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.tasks.scan_cycle import ScanCycle
 

@@ -6,7 +6,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from wallride.runtime.arbitration.queues import NEVER_S, Inbox, PriorityQueue
+from wallride.runtime.arbitration.queues import NEVER_S, PriorityQueue
 from wallride.sim.virtual.virtual_time import run_virtual
 
 KEYS = st.sampled_from("abcde")
@@ -97,18 +97,6 @@ def test_changed_wakes_once_per_burst_and_on_a_poke():
         return loop.time()
 
     assert run_virtual(story()) == 1.0
-
-
-def test_an_inbox_keeps_only_the_newest():
-    async def story():
-        inbox = Inbox()
-        inbox.put(1)
-        inbox.put(2)
-        first = await inbox.get()
-        inbox.put(3)
-        return first, await inbox.get()
-
-    assert run_virtual(story()) == (2, 3)
 
 
 def test_a_look_at_one_key_drops_nothing_that_has_expired_unseen():
