@@ -13,7 +13,7 @@ import numpy as np
 from wallride.drivers.api import MotorState
 from wallride.runtime import kernel
 from wallride.runtime.control.perception.lidar_health import LidarHealth
-from wallride.runtime.control.perception.view import PerceptionCache, View
+from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.safety.swept import SweptGuard
 from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.vehicle import CarSettings
@@ -37,10 +37,10 @@ class TimedStop:
     def __getattr__(self, name: str) -> object:
         return getattr(self._health, name)
 
-    def update(self, view: View, motor: MotorState | None) -> None:
+    def update(self, view: View, motor: MotorState | None, *, scene_stands: bool) -> None:
         """Learn from one scan, and record the duration."""
         began_s = time.perf_counter()
-        self._health.update(view, motor)
+        self._health.update(view, motor, scene_stands=scene_stands)
         self.took_s = time.perf_counter() - began_s
 
 
@@ -57,10 +57,10 @@ def main() -> None:
 def drive(speed_mps: float) -> list[tuple[float, ...]]:
     """Return the seconds of one drive toward the corner, a row for each scan, in the order of the columns."""
     lidar, rng = LidarSettings(noise_std_m=0.02, outlier_share=0.02), np.random.default_rng(5)
-    world, eyes = load_world("l_turn"), PerceptionCache(CarSettings())
-    guard = SweptGuard(SweptSettings(), CarSettings(), eyes)
-    health = TimedStop(guard.health)
-    guard.health = health  # type: ignore[assignment]  # behaves like it
+    world = load_world("l_turn")
+    guard = SweptGuard(SweptSettings(), CarSettings())
+    health = TimedStop(guard.perception.health)
+    guard.perception.health = health  # type: ignore[assignment]  # behaves like it
     took: list[tuple[float, ...]] = []
     for step in range(SCANS):
         at, now_s = Pose(4.0 * step / SCANS, rng.uniform(-0.1, 0.1), rng.uniform(-0.1, 0.1)), step * 0.025
@@ -69,7 +69,7 @@ def drive(speed_mps: float) -> list[tuple[float, ...]]:
             now_s, speed_mps, step * speed_mps * 0.025, 0.05, 11.1, 0.0, 0.0, 30.0, "", timed_out=False, killed=False
         )
         times_s = [time.perf_counter()]
-        eyes.see(sweep)
+        guard.perception.views.see(sweep)
         times_s.append(time.perf_counter())
         assessment = guard.look(sweep, motor)
         times_s.append(time.perf_counter())

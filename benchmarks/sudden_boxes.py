@@ -11,8 +11,9 @@ import itertools
 import time
 from collections.abc import Sequence
 
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 from wallride.runtime.settings.tree import load_settings
-from wallride.sim.car.vehicle import GRAVITY_MPS2, Vehicle, VehicleSettings
+from wallride.sim.car.vehicle import Vehicle, VehicleSettings
 from wallride.sim.lab.courses.sudden import BOXES, PLACES
 from wallride.sim.lab.safety import impact_mps, stopping_m
 from wallride.sim.live.scenes import WorldScene

@@ -15,7 +15,7 @@ import numpy as np
 
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime import kernel
-from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.control.wall_following.ball import BallFollower
 from wallride.runtime.control.wall_following.ball_settings import BallSettings
@@ -55,7 +55,7 @@ def main() -> None:
     car, sweeps = CarSettings(), drive()
     results: dict[str, list[float]] = {"eyes": [], "wall line": [], "follow (line and all)": []}
     for _ in range(RUNS + 1):
-        eyes = PerceptionCache(car)
+        eyes = ViewCache(car)
         follower = BallFollower(BallSettings(speed_mps=SPEED_MPS), car, eyes)
         took: dict[str, list[float]] = {name: [] for name in results}
         for sweep, motor in sweeps:

@@ -232,8 +232,8 @@ class Car:
             "lidar": lidar_task.pump(
                 self.lidar,
                 [
-                    self.own_parts.meet, self.decision_log.add_scan, beside.guarded("telemetry", self.telemetry.on_scan),
-                    for_safety.put, for_follower.put,
+                    self.own_parts.meet, self.decision_log.add_scan,
+                    beside.guarded("telemetry", self.telemetry.on_scan), for_safety.put, for_follower.put,
                 ],
                 timed=lambda scan: self.stages.on_scan(scan.received_s, self._reading_s()),
             ),

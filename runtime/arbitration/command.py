@@ -46,12 +46,14 @@ class DriveCommand:
 
     scan_stamp_s: the scan it was computed from, None for a human's request. It is not obeyed under a verdict on an
         older scan.
+    stuck: whether the source has no way out of where the car stands: its reason then stands for that of safety.
     """
 
     source: Source
     drive: Drive
     scan_stamp_s: float | None
     reason: str
+    stuck: bool = False
 
 
 @value()
@@ -66,6 +68,7 @@ class Verdict:
     brake_mps2: maximum deceleration of a stop; infinity is full braking. Less than that leaves grip for turning.
     steering_rad: steering angle of an emergency stop, None where the driver keeps the steering. It is obeyed only in a
         stop of a car that was commanded to move.
+    stands: whether the car stands before what is in the way.
     """
 
     forward_mps: float
@@ -74,6 +77,7 @@ class Verdict:
     measure: float = math.nan
     brake_mps2: float = math.inf
     steering_rad: float | None = None
+    stands: bool = False
 
     memory: ClassVar[None] = None
 
@@ -233,8 +237,9 @@ def _tightest(word: DriveCommand, caps: Sequence[SpeedLimit]) -> tuple[Decision,
         allowed_mps = max(-verdict.reverse_mps, min(verdict.forward_mps, decision.speed_mps))
         if allowed_mps != decision.speed_mps:
             wheels_rad = _wheels_rad(verdict, allowed_mps, steering_rad)
+            reason = word.reason if word.stuck and verdict.stands else verdict.reason
             decision = Decision(
-                allowed_mps, wheels_rad, word.source, cap.source, verdict.reason, verdict.measure, verdict.brake_mps2
+                allowed_mps, wheels_rad, word.source, cap.source, reason, verdict.measure, verdict.brake_mps2
             )
     return decision, memories
 

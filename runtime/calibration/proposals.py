@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from wallride.runtime.calibration.arc_fit import ArcFit
 from wallride.runtime.calibration.delays import DelayFit
 from wallride.runtime.calibration.responses import Estimate
-from wallride.runtime.control.safety.stopping import GRAVITY_MPS2
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 
 SPEED_GAIN, WHEELBASE = "motor.speed_to_erpm_gain", "car.wheelbase_m"
 SERVO_GAIN, SERVO_OFFSET = "motor.steering_to_servo_gain", "motor.steering_to_servo_offset"

@@ -18,6 +18,7 @@ class Guidance:
     distance_m, error_m: distance to the followed wall and that minus the desired one; NaN without a wall.
     angle_rad: heading of the fitted line seen from the car, positive when it leads to the left; NaN without one.
     line_m: distance of that line from the rear axle; NaN where the method fits none or steers by the nearest points.
+    stuck: whether there is no way out of where the car stands; `reason` says what it needs.
     """
 
     drive: Drive | None
@@ -26,6 +27,7 @@ class Guidance:
     angle_rad: float
     reason: str
     line_m: float = math.nan
+    stuck: bool = False
 
 
 class Follower(Protocol):

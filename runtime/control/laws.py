@@ -26,12 +26,12 @@ from wallride.runtime.control.own_laws.law_class import OWN_TAG, is_own, load_la
 from wallride.runtime.control.own_laws.runner import LawRunner
 from wallride.runtime.control.perception.geometry import Floats
 from wallride.runtime.control.perception.own_parts import KnownParts
+from wallride.runtime.control.perception.perception import Perception
 from wallride.runtime.control.perception.plausibility import Plausibility
-from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.control.recovery.recovering_follower import RecoveringFollower
 from wallride.runtime.control.recovery.way_out import Recovery
 from wallride.runtime.control.report.laws import ReportFollower, ReportTurn
-from wallride.runtime.control.safety.swept import SweptGuard
+from wallride.runtime.control.safety.swept import SweptGuard, assumed
 from wallride.runtime.control.safety.swept_settings import RecoverySettings
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.control.wall_following.ball import BallFollower
@@ -52,7 +52,7 @@ class Parts:
     """What laws are made of. clock: measures the answers of own laws, and the age of a scan at every judgement."""
 
     car: CarSettings
-    eyes: PerceptionCache
+    perception: Perception
     clock: Clock | None = None
 
 
@@ -87,10 +87,10 @@ def _own(guard: SweptGuard, settings: OwnSafetySettings, wanted: WallFollowSetti
 
 FOLLOWERS: Mapping[str, Callable[[Any, Parts], Driver]] = MappingProxyType(
     {
-        "ball": lambda settings, parts: BallFollower(settings, parts.car, parts.eyes),
+        "ball": lambda settings, parts: BallFollower(settings, parts.car, parts.perception.views),
         "report": lambda settings, _: ReportFollower(settings),
         OWN_TAG: lambda settings, parts: OwnFollower(
-            load_law("wall_follow", settings.method), settings, parts.car, parts.eyes, parts.clock
+            load_law("wall_follow", settings.method), settings, parts.car, parts.perception, parts.clock
         ),
     }
 )
@@ -126,8 +126,9 @@ def own_law_mistakes(wall_follow: WallFollowSettings, safety: SafetySettings, ca
 class LawStack:
     """The laws that the settings name, one upon the other, sharing one view of each scan.
 
-    follower: what answers a scan: the driver with what its safety law adds to it. driver: the follower of the table, or
-    another one given for it. guard: the car's own, which every safety law stands under. judge: the safety law.
+    perception: what all of them read. follower: what answers a scan: the driver with what its safety law adds to it.
+    driver: the follower of the table, or another one given for it. guard: the car's own, which every safety law stands
+    under. judge: the safety law.
     """
 
     def __init__(
@@ -135,10 +136,11 @@ class LawStack:
         driver: Callable[[Parts], Any] | None = None,
     ) -> None:  # fmt: skip
         self.wall_follow, self.safety = wall_follow, safety
-        self._parts = parts = Parts(car, PerceptionCache(car), clock)
-        self.driver: Any = driver(parts) if driver is not None else _driver(wall_follow, parts)
         swept = _swept(safety)
-        self.guard = SweptGuard(swept, car, parts.eyes, health=swept.window, clock=clock)
+        self.perception = Perception(car, assumed(swept, swept.window))
+        self._parts = parts = Parts(car, self.perception, clock)
+        self.driver: Any = driver(parts) if driver is not None else _driver(wall_follow, parts)
+        self.guard = SweptGuard(swept, car, self.perception, clock=clock)
         self.judge: Any = self._row.build(self.guard, safety, wall_follow, clock)
         self.recovery = self._new_recovery(safety)
         self.follower = self._row.around(self)
@@ -183,7 +185,8 @@ class LawStack:
 
     def _tune_guard(self, safety: SafetySettings) -> None:
         swept = _swept(safety)
-        self.guard.tune(swept, swept.window)
+        self.perception.tune(assumed(swept, swept.window))
+        self.guard.tune(swept)
         if self.recovery is None or not SAFETY[_key(safety.method)].recovers or not swept.backs_out:
             self.recovery = self._new_recovery(safety)
         else:
@@ -215,12 +218,12 @@ class LiveLaws(LawStack):
     @property
     def own_parts(self) -> KnownParts | None:
         """The car's known own parts, None before the first scan."""
-        return self.guard.own_parts.known
+        return self.perception.own_parts.known
 
     @property
     def own_parts_changes(self) -> int:
         """Number of changes of the set of own parts by observation."""
-        return self.guard.own_parts.changes
+        return self.perception.own_parts.changes
 
     @property
     def path_m(self) -> Floats | None:
@@ -230,7 +233,7 @@ class LiveLaws(LawStack):
 
     def remember_own_parts(self, known: KnownParts | None) -> None:
         """Restore these own parts, known from before, and reset the state of the window."""
-        self.guard.remember(known)
+        self.perception.remember(known)
 
     def believed(self) -> bool:
         """Tell whether the odometry is good enough to back out by."""
@@ -242,14 +245,14 @@ class LiveLaws(LawStack):
 
     def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
         """Process one scan."""
-        self.plausibility.look(scan, motor, odometry_check=self.safety.odometry_check)
+        self.plausibility.look(self.perception.look(scan, motor), odometry_check=self.safety.odometry_check)
         assessment: SafetyAssessment = self.judge.look(scan, motor)
         doubt = self.plausibility.lidar_doubt or self.plausibility.motor_doubt
         return Verdict(0.0, 0.0, doubt) if doubt else assessment
 
     def learn(self) -> None:
         """Run the deferrable work after the answer is sent."""
-        self.guard.learn()
+        self.perception.learn()
         if self.recovery is not None:
             self.recovery.think()
         self.plausibility.learn()

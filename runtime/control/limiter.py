@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from wallride.drivers.api import Drive
-from wallride.runtime.control.safety.stopping import GRAVITY_MPS2
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 
 ASIDE_MPS2 = 2.0
 """Lateral force of the front axle per mass of the car, half of its grip on a good floor."""

@@ -22,7 +22,7 @@ SEAL: Final = Path("runtime/kernel/seal.json")
 _WORD = re.compile(r"\b[A-Z][A-Z0-9_]*\b")
 SIZES: Final = frozenset(
     {
-        "FOOTPRINT_ENOUGH_POINTS",
+        "GEOMETRY_ENOUGH_POINTS",
         "MANOEUVRE_ROLLOUT_HORIZON_STEPS",
         "MANOEUVRE_ROLLOUT_LOCK_STEPS",
         "MANOEUVRE_ROLLOUT_MAX_FLOORS",

@@ -6,7 +6,7 @@ from typing import Final
 
 from wallride.drivers.api import Clock, Motor
 from wallride.runtime.arbitration.command import Output
-from wallride.runtime.control.safety.stopping import SlidingSpeed
+from wallride.runtime.control.perception.sliding_speed import SlidingSpeed
 
 STANDS_BELOW_MPS: Final = 0.05
 ICE_MPS2: Final = 2.0

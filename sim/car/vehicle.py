@@ -14,6 +14,7 @@ driving and braking force is shared like the load. Plain floats: numpy would be 
 
 from math import atan2, ceil, copysign, cos, hypot, remainder, sin, sqrt, tan, tau
 
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 from wallride.sim.car.delay import DelayLine
 from wallride.sim.car.motor_control import COAST, BrakeDemand, CoastDemand, Demand, MotorControl, SpeedDemand
 from wallride.sim.car.vehicle_settings import VehicleSettings
@@ -21,7 +22,6 @@ from wallride.sim.world.pose import Pose, Twist
 
 __all__ = ["BrakeDemand", "CoastDemand", "Demand", "SpeedDemand", "Vehicle", "VehicleSettings"]
 
-GRAVITY_MPS2 = 9.81
 _MAX_STEP_S = 0.0025
 _ROLLS_BELOW_MPS = 0.4
 _SLIPS_ABOVE_MPS = 0.8

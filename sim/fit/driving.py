@@ -13,10 +13,10 @@ from wallride.runtime.calibration.responses import (
     fit_response,
     unidentified,
 )
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 from wallride.sim.fit.drive import MAX_GAP_S, RecordedDrive
 from wallride.sim.recordings import OdometryTrack
 
-GRAVITY_MPS2 = 9.81
 MIN_SPEED_MPS = 0.3
 MIN_SPEED_ROWS = 40
 MOMENT_S = 1e-3

@@ -14,7 +14,8 @@ import numpy as np
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.arbitration.command import SafetyAssessment, Verdict
 from wallride.runtime.control.guidance import Guard
-from wallride.sim.car.vehicle import GRAVITY_MPS2, VehicleSettings
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
+from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab import laws
 from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from wallride.sim.lab.courses.walls import world_of

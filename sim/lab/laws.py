@@ -71,7 +71,7 @@ def stack_of(law: str, side: Side, desired_m: float, speed_mps: float, assignmen
     settings = settings_of(law, side, desired_m, speed_mps, assignments)
 
     def prototype(parts: Parts) -> Prototype:
-        return Prototype(side, desired_m, speed_mps, parts.car, parts.eyes)
+        return Prototype(side, desired_m, speed_mps, parts.car, parts.perception.views)
 
     driver = prototype if check(law).startswith("prototype+") else None
     return LawStack(settings.wall_follow, settings.safety, settings.car, driver=driver)

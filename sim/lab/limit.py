@@ -28,7 +28,8 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.sparse import csr_array, eye_array, hstack, vstack
 
-from wallride.sim.car.vehicle import GRAVITY_MPS2, SpeedDemand, Vehicle
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
+from wallride.sim.car.vehicle import SpeedDemand, Vehicle
 from wallride.sim.car.vehicle_settings import VehicleSettings
 from wallride.sim.world.pose import CAR, Floats, Pose
 from wallride.sim.world.segments import SegmentGeometry

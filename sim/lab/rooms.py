@@ -14,8 +14,9 @@ import numpy as np
 
 from wallride.runtime.control.guidance import Follower, Guard
 from wallride.runtime.control.laws import LawStack
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 from wallride.runtime.settings.tree import load_settings
-from wallride.sim.car.vehicle import GRAVITY_MPS2, VehicleSettings
+from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab import laws
 from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
 from wallride.sim.lab.courses.walls import world_of

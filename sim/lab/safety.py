@@ -17,7 +17,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wallride.sim.car.vehicle import GRAVITY_MPS2
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from wallride.sim.lab.courses.sudden import FullBrake, SuddenRun, case_of, navigator_of, scenarios
 from wallride.sim.lab.figures import Row, chosen, common, distinct, number, worst

@@ -48,7 +48,7 @@ class WatchedWindow:
         """Let the guard look, and record its beams."""
         assessment = self.guard.look(scan, motor)
         self.guard.learn()
-        health = self.guard.health
+        health = self.guard.perception.health
         mask = health.mask if health.mask is not None else np.zeros(scan.ranges_m.shape, np.bool_)
         self.way_m.append(motor.distance_m if motor is not None else 0.0)
         self.dirty.append(mask | health.blinded)

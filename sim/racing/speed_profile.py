@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from wallride.runtime.control.safety.stopping import GRAVITY_MPS2
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 from wallride.sim.world.pose import Floats
 
 ROUNDS: Final = 2

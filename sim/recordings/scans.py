@@ -6,7 +6,7 @@ import numpy as np
 
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.calibration.scan_motion import ScanMotion, motion_of_scans
-from wallride.runtime.control.perception.view import PerceptionCache, View
+from wallride.runtime.control.perception.view import View, ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.control.wall_following.followed_wall import side_view
 from wallride.runtime.control.wall_following.wall_fit import WallLine
@@ -65,7 +65,7 @@ def wall_line(view: View, side: Literal["left", "right"]) -> WallLine | None:
 
 def better_side(recording: Recording) -> Literal["left", "right"]:
     """Return the side whose wall is seen with more beams, over every tenth scan."""
-    eyes = PerceptionCache(CarSettings())
+    eyes = ViewCache(CarSettings())
     inliers = {"left": 0, "right": 0}
     for scan in scans_of(recording)[::10]:
         view = eyes.see(scan)

@@ -71,6 +71,14 @@ class Boxed(Counting):
         return Verdict(stop, stop, "boxed in")
 
 
+def stuck():
+    return replace(nav(), reason="needs help", stuck=True)
+
+
+def stands():
+    return SpeedLimit(Source.SAFETY, Verdict(0.0, INF, "boxed in", 0.1, stands=True), 1.0)
+
+
 def boxed():
     return SpeedLimit(Source.SAFETY, Boxed(), 1.0)
 
@@ -205,6 +213,11 @@ CASES = [
          S, "wall on the left", 0.3, order=BOUND_ORDER, brake=3.0),
     Case("a tighter cap brings its own brake", [bend(), permit(0.0, "no"), nav(2.0, 0.3)], 0, 0.3, N, P, "no"),
     Case("when nobody drives it is asked about standing", [boxed(), permit()], 0, None, None, S, "boxed in"),
+    # a driver that has no way out tells what it needs, where the car stands before something
+    Case("stuck where the car stands", [stands(), permit(), stuck()], 0, 0.1, N, S, "needs help", 0.1),
+    Case("standing, and not stuck", [stands(), permit(), nav()], 0, 0.1, N, S, "boxed in", 0.1),
+    Case("stuck, and stopped for another reason", [safety(0.0, 0.0, reason="late"), permit(), stuck()], 0, 0.1, N, S,
+         "late"),
     # not a number
     Case("speed is not a number", [safety(), permit(), nav(NAN)], 0, None, N, None,
          "navigation asked for something that is not a number"),

@@ -269,7 +269,7 @@ def test_the_status_says_what_is_wrong_with_the_window():
     dirt = "12 beams around -95 deg are dirty: clean the window"
 
     def soil(story):
-        story.car.laws.guard.health.words = (dirt,)
+        story.car.laws.guard.perception.health.words = (dirt,)
 
     story = Story(wall_follow={"method": "ball"}, safety={"method": "swept"})
     story.scans = None  # nothing is learnt that would unsay it

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from benchmarks.lab.recorded.replay import JudgedScan, Replay
-from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.control.wall_following.followed_wall import SIDE_FROM_RAD, SIDE_TO_RAD, side_view
 from wallride.sim.recordings.scans import wall_line
@@ -29,7 +29,7 @@ def first_offsets_m(done: Replay) -> tuple[float, float]:
 
 def _truths_m(judged: JudgedScan, done: Replay) -> tuple[float, float, float]:
     """Return the distance of the wall's line, of the nearest thing beside the car, and of the nearest anywhere."""
-    eyes = PerceptionCache(CarSettings())
+    eyes = ViewCache(CarSettings())
     eyes.ignore(done.parts)
     view = eyes.see(judged.scan)
     line, seen = wall_line(view, done.side), side_view(view, done.side)

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.lab.recorded.replay import JudgedScan, Replay
-from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.control.safety.swept import SweptGuard
 from wallride.runtime.control.safety.swept_settings import SweptSettings
-from wallride.runtime.control.vehicle import CarSettings
-from wallride.sim.car.vehicle import GRAVITY_MPS2, VehicleSettings
+from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
+from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab.courses.sudden import BlindDriver
 from wallride.sim.lab.safety import impact_mps, stopping_m
 from wallride.sim.virtual.closed_loop import Case, drive
@@ -111,7 +110,7 @@ def world_of(judged: JudgedScan) -> World:
 
 def _braking(world: World, asked_mps: float, mu: float, begin: int) -> Braking:
     car = CarSettings()
-    guard = SweptGuard(SweptSettings(), car, PerceptionCache(car))
+    guard = SweptGuard(SweptSettings(), car)
     ahead_m = float(world.cast(CAR.front_m, 0.0, np.array([0.0]))[0])
     case = Case(
         world, Pose(0.0, 0.0, 0.0), distance_m=LOOK_M, duration_s=8.0, standing_s=1.0,

@@ -14,7 +14,6 @@ from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.arbitration.command import Verdict
 from wallride.runtime.calibration.scan_motion import ScanMotion
 from wallride.runtime.control.perception.lidar_health import LidarHealth
-from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.control.safety.swept import SweptAssessment, SweptGuard
 from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.vehicle import CarSettings
@@ -91,9 +90,9 @@ def replay(recording: Recording, side: Side, guard_settings: SweptSettings | Non
     """Judge every scan of a recording, in order, with fresh perception."""
     car = CarSettings()
     motion = motion_of(recording)
-    eyes = PerceptionCache(car)
-    guard = SweptGuard(guard_settings or SweptSettings(), car, eyes)
-    follower = BallFollower(BallSettings(side=side, speed_mps=2.0), car, eyes)
+    guard = SweptGuard(guard_settings or SweptSettings(), car)
+    perception = guard.perception
+    follower = BallFollower(BallSettings(side=side, speed_mps=2.0), car, perception.views)
     judged: list[JudgedScan] = []
     masked = np.zeros(recording.beams, np.intp)
     for number, scan in enumerate(scans_of(recording)):
@@ -101,19 +100,19 @@ def replay(recording: Recording, side: Side, guard_settings: SweptSettings | Non
         motor = motor_at(motion, number, _wheels_rad(motion, number, asked, car), float(recording.received_s[number]))
         assessment = guard.look(scan, motor)
         distance_m = follower.follow(scan, motor).distance_m
-        view = eyes.see(scan)
+        line = wall_line(assessment.view, side)
         verdict, memory = assessment.judge(asked.speed_mps, asked.steering_rad, assessment.memory)
         assessment.commit(memory)
         judged.append(
-            JudgedScan(
-                scan, motor, assessment, asked, verdict, wall_line(view, side), distance_m, guard.movers.any_moves
-            )
+            JudgedScan(scan, motor, assessment, asked, verdict, line, distance_m, perception.movers.any_moves)
         )
-        if guard.health.mask is not None:
-            masked += guard.health.mask
-    guard.learn()
-    parts = guard.own_parts.parts if guard.health.mask is None else guard.own_parts.parts | guard.health.mask
-    return Replay(recording, motion, side, judged, guard.health, masked, parts)
+        if perception.health.mask is not None:
+            masked += perception.health.mask
+    perception.learn()
+    parts, dirty = perception.own_parts.parts, perception.health.mask
+    if dirty is not None:
+        parts = parts | dirty
+    return Replay(recording, motion, side, judged, perception.health, masked, parts)
 
 
 def asked_at(recording: Recording, motion: ScanMotion, number: int, car: CarSettings) -> AskedDrive:

@@ -9,10 +9,10 @@ from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.own_laws.answer import WrongAnswerError, number, of_kind, shown, text
 from wallride.runtime.control.own_laws.api import LawGuidance
 from wallride.runtime.control.own_laws.law_class import LawClass
-from wallride.runtime.control.own_laws.runner import LawRunner, StateReader, scan_for_law
+from wallride.runtime.control.own_laws.runner import LawRunner, scan_for_law, state_for_law
 from wallride.runtime.control.own_laws.settings import OwnFollowSettings
 from wallride.runtime.control.perception.geometry import Floats
-from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.perception.perception import Perception
 from wallride.runtime.control.vehicle import CarSettings
 
 
@@ -23,12 +23,11 @@ class OwnFollower:
     """It plans no path."""
 
     def __init__(
-        self, law: LawClass, settings: OwnFollowSettings, car: CarSettings, eyes: PerceptionCache, clock: Clock | None
+        self, law: LawClass, settings: OwnFollowSettings, car: CarSettings, perception: Perception, clock: Clock | None
     ) -> None:
         self.runner = LawRunner(law, settings.own, car, clock)
         self._settings = settings
-        self._eyes = eyes
-        self._state = StateReader(car)
+        self._perception = perception
 
     def tune(self, settings: OwnFollowSettings) -> None:
         """Change the settings; the law keeps its state."""
@@ -38,8 +37,9 @@ class OwnFollower:
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
         """Answer one scan."""
         settings, runner = self._settings, self.runner
-        state = self._state.read(motor, settings)
-        answer = runner.call(scan_for_law(self._eyes.see(scan)), state, settings.budget_s, _read)
+        percept = self._perception.look(scan, motor)
+        state = state_for_law(percept, settings)
+        answer = runner.call(scan_for_law(percept.view), state, settings.budget_s, _read)
         if answer is None:
             return Guidance(None, math.nan, math.nan, math.nan, runner.fault)
         drive, distance_m, reason = answer

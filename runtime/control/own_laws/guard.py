@@ -10,7 +10,7 @@ from wallride.runtime.arbitration.command import Verdict
 from wallride.runtime.control.own_laws.answer import WrongAnswerError, number, of_kind, shown, text
 from wallride.runtime.control.own_laws.api import LawLimit
 from wallride.runtime.control.own_laws.law_class import LawClass
-from wallride.runtime.control.own_laws.runner import LawRunner, OwnSection, StateReader, WantedDrive, scan_for_law
+from wallride.runtime.control.own_laws.runner import LawRunner, OwnSection, WantedDrive, scan_for_law, state_for_law
 from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.report.laws import ReportGuard
 from wallride.runtime.control.report.settings import ReportSafetySettings
@@ -94,7 +94,6 @@ class CappedGuard:
         self.guard = guard
         self.runner = LawRunner(law, settings.own, guard.car, clock)
         self._settings, self._wanted = settings, wanted
-        self._state = StateReader(guard.car)
 
     def tune(self, settings: OwnSection, wanted: WantedDrive) -> None:
         """Change the settings; the law keeps its state."""
@@ -104,7 +103,7 @@ class CappedGuard:
     def look(self, scan: Scan, motor: MotorState | None) -> CappedAssessment:
         """Process one scan."""
         assessment = self.guard.look(scan, motor)
-        state = self._state.read(motor, self._wanted)
+        state = state_for_law(assessment.percept, self._wanted)
         cap = self.runner.call(scan_for_law(assessment.view), state, self._settings.budget_s, self._read)
         return CappedAssessment(assessment, cap if cap is not None else Verdict(0.0, 0.0, self.runner.fault))
 

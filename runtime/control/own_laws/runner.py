@@ -8,11 +8,11 @@ import math
 from collections.abc import Callable
 from typing import Any, Literal, Protocol, TypeVar
 
-from wallride.drivers.api import Clock, MotorState
+from wallride.drivers.api import Clock
 from wallride.runtime.control.own_laws.answer import WrongAnswerError
 from wallride.runtime.control.own_laws.api import LawScan, LawSettings, LawState
 from wallride.runtime.control.own_laws.law_class import LawClass
-from wallride.runtime.control.perception.odometry import Odometry
+from wallride.runtime.control.perception.perception import Percept
 from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.host.stop_signals import STOP_SIGNALS_HELD
@@ -137,20 +137,14 @@ class LawRunner:
         self.faults += 1
 
 
-class StateReader:
-    """Keeps the odometry for an own law, and makes what it is given."""
-
-    def __init__(self, car: CarSettings) -> None:
-        self._odometry = Odometry(car.wheelbase_m)
-
-    def read(self, motor: MotorState | None, wanted: WantedDrive) -> LawState:
-        """Return the state at one scan; call once for each."""
-        pose = self._odometry.update(motor)
-        steering_rad = motor.steering_rad if motor is not None else 0.0
-        return LawState(
-            pose.speed_mps, steering_rad, pose.x_m, pose.y_m, pose.yaw_rad,
-            wanted.side, wanted.desired_distance_m, wanted.speed_mps,
-        )  # fmt: skip
+def state_for_law(percept: Percept, wanted: WantedDrive) -> LawState:
+    """Return the car at a scan as an own law gets it."""
+    pose, motor = percept.pose, percept.motor
+    steering_rad = motor.steering_rad if motor is not None else 0.0
+    return LawState(
+        pose.speed_mps, steering_rad, pose.x_m, pose.y_m, pose.yaw_rad,
+        wanted.side, wanted.desired_distance_m, wanted.speed_mps,
+    )  # fmt: skip
 
 
 def scan_for_law(view: View) -> LawScan:

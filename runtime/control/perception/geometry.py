@@ -15,6 +15,8 @@ Places = npt.NDArray[np.complex128]
 """Points of a plane as complex numbers x + iy [m]: turning them all by an angle is one multiplication."""
 NOWHERE: Places = np.empty(0, np.complex128)
 NOWHERE.setflags(write=False)
+ENOUGH_POINTS = 3
+"""Minimum number of points that count as an object; fewer are noise (2 % outliers)."""
 
 
 @lru_cache(maxsize=8)

@@ -17,7 +17,7 @@ import math
 
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.perception.motion_agreement import Agreement, MotionAgreement
-from wallride.runtime.control.perception.odometry import Odometry
+from wallride.runtime.control.perception.perception import Percept
 from wallride.runtime.control.perception.scene_agreement import SceneAgreement
 from wallride.runtime.control.vehicle import CarSettings
 
@@ -46,10 +46,9 @@ class Plausibility:
     """
 
     def __init__(self, car: CarSettings) -> None:
-        self._odometry = Odometry(car.wheelbase_m)
         self._samples = b""
         self._changed_at_m: float | None = None
-        self._unlearnt: tuple[Scan, MotorState | None, bool] | None = None
+        self._unlearnt: tuple[Percept, bool] | None = None
         self._is_compared = False  # of the unlearnt scan's samples
         self._stood_since_s: float | None = None
         self._confirmed = False
@@ -75,11 +74,12 @@ class Plausibility:
         """Warnings for the user that do not stop the car."""
         return () if self.believed or self.doubt else (WHEELS_IN_THE_AIR,)
 
-    def look(self, scan: Scan, motor: MotorState | None, *, odometry_check: bool = True) -> None:
-        """Process one scan and the newest motor report; odometry_check: whether the two belong to one drive."""
+    def look(self, percept: Percept, *, odometry_check: bool = True) -> None:
+        """Process one scan; odometry_check: whether it and the motor's report belong to one drive."""
         if self._unlearnt is not None:
             self.learn()
-        self._unlearnt, at_m = (scan, motor, odometry_check), self._changed_at_m
+        scan, motor = percept.scan, percept.motor
+        self._unlearnt, at_m = (percept, odometry_check), self._changed_at_m
         # Before the wheels have turned so far, the comparison decides nothing, and waits for `learn`.
         far = motor is not None and at_m is not None and abs(motor.distance_m - at_m) >= FROZEN_AFTER_M
         self._is_compared = far or self._frozen != ""
@@ -101,12 +101,12 @@ class Plausibility:
         """Compare the last scan's samples with the one before, and its motion with the odometry's. Idempotent."""
         if self._unlearnt is None:
             return
-        (scan, motor, odometry_check), self._unlearnt = self._unlearnt, None
+        (percept, odometry_check), self._unlearnt = self._unlearnt, None
+        scan, motor, pose = percept.scan, percept.motor, percept.pose
         if not self._is_compared:
             self._compare(scan, motor)
         if not odometry_check:
             return
-        pose = self._odometry.update(motor)
         if scan.stamp_s - self._learnt_s > LOST_AFTER_S:
             self._begin_anew()
         self._learnt_s = scan.stamp_s

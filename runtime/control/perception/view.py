@@ -95,7 +95,7 @@ def fan_of(scan: Scan) -> Fan:
     return Fan(bearings_rad(*kind), cos, sin, beyond(scan, DOUBTED_BEYOND_RAD), np.zeros(kind[2]))
 
 
-class PerceptionCache:
+class ViewCache:
     """Computes the view of each scan once; shared by follower and safety. rate: of the lidar."""
 
     def __init__(self, car: CarSettings) -> None:

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from wallride.runtime.control.perception.geometry import Booleans, Floats, Places
+from wallride.runtime.control.perception.rear_memory import RememberedView
 from wallride.runtime.control.safety.footprint import Outline
-from wallride.runtime.control.safety.rear_memory import RememberedView
 
 Whole = npt.NDArray[np.intp]
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wallride.runtime.control.perception.geometry import Booleans, Floats, Places
+from wallride.runtime.control.perception.rear_memory import on_track
 from wallride.runtime.control.recovery.floor_map import CELL_M, CELLS, HALF_CELLS, Whole, border_of, outline_cells
 from wallride.runtime.control.safety.footprint import Outline
-from wallride.runtime.control.safety.rear_memory import on_track
 
 MAX_STEP_M = 0.125
 FORWARD_COSTS, BACKWARD_COSTS, CUSP_COSTS, STEERING_COSTS = 2, 3, 6, 1

@@ -30,8 +30,7 @@ class RecoveringFollower:
         if assessment is None or assessment.view.scan is not scan:
             return guidance
         advice = self._recovery.step(assessment, guidance.drive, motor, believed=self._believed())
-        # A standing car's reason is reported by the safety, not the driver: it needs to know that there is no way out.
-        self._guard.stuck_reason = advice.words if advice.words in {HELP, TRAFFIC} else ""
         if advice.drive is None and not advice.words:
             return guidance
-        return replace(guidance, drive=advice.drive or guidance.drive, reason=advice.words)
+        stuck = advice.words in {HELP, TRAFFIC}
+        return replace(guidance, drive=advice.drive or guidance.drive, reason=advice.words, stuck=stuck)

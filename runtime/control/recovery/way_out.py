@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from wallride.drivers.api import Drive, MotorState
+from wallride.runtime.control.perception.moving_obstacles import STOOD_S
 from wallride.runtime.control.recovery.floor_map import blocked_floor
 from wallride.runtime.control.recovery.pose_search import Goal, Leg, Move, PoseSearch, WayOut
 from wallride.runtime.control.recovery.traffic import Traffic
-from wallride.runtime.control.safety.moving_obstacles import STOOD_S
 from wallride.runtime.control.safety.swept import STANDING_MPS, SweptAssessment
 from wallride.runtime.control.safety.swept_settings import RecoverySettings
 
@@ -136,7 +136,7 @@ class Recovery:
             self.think()
         scan_s = assessment.view.scan.stamp_s
         stood = self._since_s is not None and not self._legs and scan_s - self._since_s > STOOD_S
-        moving = assessment.guard.movers.moving(stood=stood)
+        moving = assessment.percept.movers.moving(stood=stood)
         self._traffic.update(moving, scan_s, speed_mps=assessment.speed_mps, stood=stood)
         if motor is None or wish is None or wish.speed_mps <= 0:
             self._forget()

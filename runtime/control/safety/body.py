@@ -5,9 +5,9 @@ from dataclasses import replace
 
 from wallride.runtime.control.perception.geometry import Booleans, Places
 from wallride.runtime.control.safety.footprint import NOTHING, Contact, Outline
-from wallride.runtime.control.safety.stopping import GRAVITY_MPS2, speed_to_stop_within_mps, stopping_distance_m
+from wallride.runtime.control.safety.stopping import speed_to_stop_within_mps, stopping_distance_m
 from wallride.runtime.control.safety.swept_settings import SweptSettings
-from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
 
 LOOK_SPARE_M = 0.25
 SPEED_STEP_MPS = 0.25

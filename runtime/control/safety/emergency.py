@@ -21,8 +21,9 @@ from wallride.runtime.control.safety.emergency_manoeuvre import (
     is_clearly_better,
 )
 from wallride.runtime.control.safety.manoeuvre_rollout import MARGIN_M, STEP_S, RolloutStart
-from wallride.runtime.control.safety.stopping import GRAVITY_MPS2, brake_beside_turning_mps2, stopping_distance_m
+from wallride.runtime.control.safety.stopping import brake_beside_turning_mps2, stopping_distance_m
 from wallride.runtime.control.safety.swept_path import Strip
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 
 PAST_S = 0.3
 """Length of the history of wheel angles: earlier angles have no effect on the tyres now."""

@@ -16,13 +16,11 @@ import numpy as np
 
 from wallride.drivers.accelerated import accelerated
 from wallride.drivers.value import value
-from wallride.runtime.control.perception.geometry import Booleans, Floats, Places
+from wallride.runtime.control.perception.geometry import ENOUGH_POINTS, Booleans, Floats, Places
 
 STEP_M = 0.06
 POSES_AT_ONCE = 24
 """Number of poses swept at once on a long path: the boxes are tighter, and a contact ends the computation early."""
-ENOUGH_POINTS = 3
-"""Minimum number of points in the strip that count as an object; fewer are noise (2 % outliers)."""
 MIN_SLEW_SPEED_MPS = 0.3
 """Minimum speed assumed for the slew: the wheels of a standing car would otherwise be turned before it has moved."""
 

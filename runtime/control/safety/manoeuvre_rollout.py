@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wallride.drivers.accelerated import accelerated
-from wallride.runtime.control.perception.geometry import Floats, Places
+from wallride.runtime.control.perception.geometry import ENOUGH_POINTS, Floats, Places
 
 STEP_S = 0.01
 LOOK_STEPS = 2
@@ -46,8 +46,6 @@ MARGIN_M = 0.04
 """Distance below which a point counts as a contact: the noise of the lidar, and the error of the model."""
 MAX_ROOM_M = 0.10
 """Maximum room that is rated; more is not better."""
-ENOUGH_POINTS = 3
-"""Minimum number of points of an object, as in the swept strip: fewer are noise."""
 MAX_FLOORS = 4
 TINY = 1e-9
 

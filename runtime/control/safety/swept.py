@@ -9,36 +9,21 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import numpy as np
-
 from wallride.drivers.api import Clock, MotorState, Scan
 from wallride.runtime.arbitration.command import NO_LIMIT_MPS, Verdict
-from wallride.runtime.control.perception.geometry import NOWHERE
-from wallride.runtime.control.perception.lidar_health import LidarHealth
 from wallride.runtime.control.perception.lidar_health_settings import LidarHealthSettings
-from wallride.runtime.control.perception.odometry import Odometry, OdometryState
-from wallride.runtime.control.perception.own_parts import KnownParts, OwnParts
-from wallride.runtime.control.perception.scene_motion import SceneMotion
-from wallride.runtime.control.perception.view import PerceptionCache, View
+from wallride.runtime.control.perception.perception import Assumed, Percept, Perception
+from wallride.runtime.control.perception.unknown_regions import CRAWL_MPS
+from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.safety.body import LOOK_SPARE_M, Body
 from wallride.runtime.control.safety.emergency import Emergency
 from wallride.runtime.control.safety.footprint import NOTHING, Contact
 from wallride.runtime.control.safety.lidar_reach import LidarReach
-from wallride.runtime.control.safety.moving_obstacles import MovingObstacles
-from wallride.runtime.control.safety.rear_memory import RearMemory
 from wallride.runtime.control.safety.steering_reversal import SteeringReversal
-from wallride.runtime.control.safety.stopping import (
-    GRAVITY_MPS2,
-    SlidingSpeed,
-    speed_to_stop_within_mps,
-    stopping_distance_m,
-)
+from wallride.runtime.control.safety.stopping import speed_to_stop_within_mps, stopping_distance_m
 from wallride.runtime.control.safety.swept_path import GAINS_MPS, Strip
 from wallride.runtime.control.safety.swept_settings import SweptSettings
-from wallride.runtime.control.safety.thin_obstacles import ThinObstacles
-from wallride.runtime.control.safety.unknown_regions import CRAWL_MPS
-from wallride.runtime.control.safety.visibility import Visibility
-from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
 
 STANDING_MPS = 0.05
 STOP_SPARE_M = 0.05
@@ -48,7 +33,6 @@ UNTOLD_S = 0.25
 to tell one takes this long."""
 NEEDY_SHARE = 0.7
 """Share of a slippery floor's grip above which a bend leaves too little for the deceleration by the motor."""
-KEPT_ANGLES = 64
 EDGE_M = 0.05
 """Maximum depth by which an object beside the car, not ahead of it, reaches into the strip."""
 CLEAR = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "clear")
@@ -70,157 +54,99 @@ class SweptMemory(NamedTuple):
 
 
 class SweptGuard:
-    """Processes every scan once; the SweptAssessment that it returns judges drives until the next scan.
+    """Judges what perception understands of each scan; its SweptAssessment judges drives until the next scan.
 
-    clock: where given, the scan's age is measured at every judgement, else taken as it was when the scan arrived.
-    health: state of the lidar's window. reach: the speed that the lidar allows by its range, step and rate.
-    memory: what the judgements of commands that were sent have left. assessment: the last one, None before the first
-    scan. stuck_reason: reason reported for a car that cannot continue and has no way out; "" while it has one.
+    perception: shared with the follower; one of its own where none is given. clock: where given, the scan's age is
+    measured at every judgement, else taken as it was when the scan arrived. reach: the speed that the lidar allows by
+    its range, step and rate. memory: what the judgements of commands that were sent have left. assessment: the last
+    one, None before the first scan.
     """
 
     def __init__(
         self,
         settings: SweptSettings,
         car: CarSettings,
-        eyes: PerceptionCache,
+        perception: Perception | None = None,
         *,
-        health: LidarHealthSettings | None = None,
         clock: Clock | None = None,
     ) -> None:
         self.settings = settings
         self.car = car
         self.body = Body(settings, car)
+        self.perception = perception or Perception(car, assumed(settings))
         self.clock = clock
-        self.health = LidarHealth(health or LidarHealthSettings(), car.wheelbase_m, settings.doubtful_mps)
         self.reach = LidarReach(self.body)
-        self.scene_motion = SceneMotion(car.lidar_m)
-        self.own_parts = OwnParts(car.lidar_m)
-        self.behind = RearMemory(car.lidar_m)
-        self.movers = MovingObstacles()
-        self.faint = ThinObstacles()
-        self.visibility = Visibility(car)
         self.memory = SweptMemory()
         self.assessment: SweptAssessment | None = None
-        self.stuck_reason = ""
-        self._eyes = eyes
-        self._odometry = Odometry(car.wheelbase_m)
-        self._speed = SlidingSpeed(GRAVITY_MPS2, self.body.slippery_mps2)
-        self._slid_s = -math.inf
-        self._past_rad: tuple[tuple[float, float], ...] = ()
-        self._last_m: float | None = None
-        self._window = Verdict(math.inf, math.inf, self.health.reason)
-        self._unlearnt: tuple[View, MotorState | None, OdometryState] | None = None
+        self._window = Verdict(math.inf, math.inf, "")
 
-    def tune(self, settings: SweptSettings, health: LidarHealthSettings) -> None:
-        """Change the settings; an active hard stop, the window's dirt and the tracks of moving obstacles are kept."""
-        self.learn()
+    def tune(self, settings: SweptSettings) -> None:
+        """Change the settings; an active hard stop is kept."""
         self.settings = settings
         self.body = Body(settings, self.car)
         self.reach.tune(self.body)
-        self.health.tune(health, settings.doubtful_mps)
-        self._speed.tune(GRAVITY_MPS2, self.body.slippery_mps2)
 
     def look(self, scan: Scan, motor: MotorState | None) -> "SweptAssessment":
-        """Process one scan; called once for each, in order."""
-        if self._unlearnt is not None:
-            self.learn()
-        view = self._eyes.see(scan)
-        if not self.own_parts.have_met(scan):
-            view = self._look_anew(view)
-        speed_mps, wheel_rad, step_m = self._read(motor, scan.stamp_s)
-        pose = self._odometry.update(motor)
-        self.behind.move(pose, step_m)
-        self.health.glance(view)
-        self.visibility.look(view, pose)
-        self._unlearnt = view, motor, pose
-        self._past_rad = (
-            *self._past_rad[1 - KEPT_ANGLES :],
-            (scan.stamp_s, wheel_rad if math.isfinite(wheel_rad) else 0.0),
-        )
-        lost = motor is None or self._speed.slides
-        if lost:
-            self._slid_s = scan.stamp_s
-        walkers_m = self.movers.update(view, pose, scan.stamp_s, sliding=lost)
-        faint_m = self.faint.update(view, pose, scan.stamp_s)
-        more_m = np.concatenate([walkers_m, faint_m]) if walkers_m.size or faint_m.size else NOWHERE
+        """Take in one scan; called once for each, in order."""
+        seen = self.perception.look(scan, motor)
+        speed_mps = seen.speed_mps
         latency_s = max(0.0, self.now_s(scan) - scan.stamp_s) + self.settings.actuation_s
-        strip = Strip(self.body, view, speed_mps, wheel_rad, latency_s, more_m, self.behind, self._past_rad)
+        strip = Strip(
+            self.body, seen.view, speed_mps, seen.wheel_rad, latency_s, seen.unseen_m, seen.behind, seen.past_rad
+        )
         wary = speed_mps > self.settings.doubtful_mps and scan.stamp_s < self.memory.wary_until_s
-        ceiling_mps, window = self.health.ceiling_mps, self._window
-        if window.forward_mps != ceiling_mps or window.reason != self.health.reason:
-            window = self._window = Verdict(ceiling_mps, ceiling_mps, self.health.reason)
-        reach = self.reach.update(scan, self._eyes.rate)
-        if reach.forward_mps < window.forward_mps:
-            window = reach
-        if self.visibility.on_lidar:
-            window = ON_LIDAR
-        self.assessment = SweptAssessment(self, view, speed_mps, strip, window, wary, self._slid_s)
+        self.assessment = SweptAssessment(self, seen, strip, self._limit_of_lidar(seen), wary)
         return self.assessment
 
-    def _read(self, motor: MotorState | None, stamp_s: float) -> tuple[float, float, float]:
-        """Return the signed speed, the wheels' angle, and the distance since the last scan."""
-        last_m = self._last_m
-        if motor is None:
-            self._last_m = None
-            return self._speed.update(None, stamp_s), 0.0, 0.0
-        self._last_m, most_rad = motor.distance_m, self.car.max_steering_rad
-        step_m = motor.distance_m - last_m if last_m is not None else 0.0
-        return self._speed.update(motor.speed_mps, stamp_s), min(max(motor.steering_rad, -most_rad), most_rad), step_m
+    def _limit_of_lidar(self, seen: Percept) -> Verdict:
+        """Return the limit for every drive: by the window, by the lidar's range and rate, by what is on the lidar."""
+        if seen.visibility.on_lidar:
+            return ON_LIDAR
+        ceiling_mps, window = seen.ceiling_mps, self._window
+        if window.forward_mps != ceiling_mps or window.reason != seen.ceiling_reason:
+            window = self._window = Verdict(ceiling_mps, ceiling_mps, seen.ceiling_reason)
+        reach = self.reach.update(seen.scan, self.perception.views.rate)
+        return reach if reach.forward_mps < window.forward_mps else window
 
     @property
     def words(self) -> tuple[str, ...]:
         """Faults of the lidar's window, and what the lidar does not allow, in sentences for the user."""
-        return (*self.health.words, *self.reach.words)
-
-    def remember(self, known: KnownParts | None) -> None:
-        """Restore these own parts, and reset the state of the window."""
-        self.own_parts.remember(known)
-        self.health.forget()
-        self._eyes.ignore(None)
-
-    def _look_anew(self, view: View) -> View:
-        """Return the view of a first scan, doubting every return behind the shoulder except a wall continuing there."""
-        self.own_parts.update(view, self._odometry.pose)
-        self._eyes.ignore(self.health.mask, self.own_parts.below_m)
-        return self._eyes.see(view.scan)
+        return (*self.perception.health.words, *self.reach.words)
 
     def learn(self) -> None:
-        """Learn from the last scan what only later ones need: the window's dirt, and the memory of the rear.
-
-        Runs after the answer is sent, so that the motor does not wait for it; at the latest with the next scan.
-        Idempotent.
-        """
-        if self._unlearnt is None:
-            return
-        (view, motor, pose), self._unlearnt = self._unlearnt, None
-        self.scene_motion.update(view, pose)
-        stands = self.scene_motion.stands
-        self.own_parts.update(view, pose, moved=False if self._speed.slides else self.scene_motion.moved)
-        self.behind.keep(view, self.own_parts.doubtful)
-        self.health.update(view, motor, scene_stands=stands)
-        self.visibility.learn()
-        self.movers.learn(view, pose, sliding=motor is None or self._speed.slides)
-        self._eyes.ignore(self.health.mask, self.own_parts.below_m)
+        """Run the deferred work of the last scan, once its answer is sent."""
+        self.perception.learn()
 
     def now_s(self, scan: Scan) -> float:
         """Return the time, or that of the scan's arrival where there is no clock."""
         return self.clock() if self.clock is not None else scan.received_s
 
 
+def assumed(settings: SweptSettings, window: LidarHealthSettings | None = None) -> Assumed:
+    """Return what perception assumes by these settings."""
+    slippery_mps2 = min(settings.slippery_mu, settings.grip_mu) * GRAVITY_MPS2
+    return Assumed(window or LidarHealthSettings(), settings.doubtful_mps, slippery_mps2)
+
+
 @dataclass(slots=True, eq=False)
 class SweptAssessment:
-    """Judges every drive by one scan. Repeated calls are cheap: the strip caches its sweeps.
-
-    slid_s: last scan with locked wheels.
-    """
+    """Judges every drive by one scan. Repeated calls are cheap: the strip caches its sweeps."""
 
     guard: SweptGuard
-    view: View
-    speed_mps: float
+    percept: Percept
     strip: Strip
     window: Verdict
     wary: bool
-    slid_s: float
+
+    @property
+    def view(self) -> View:
+        """Return the view of the judged scan."""
+        return self.percept.view
+
+    @property
+    def speed_mps(self) -> float:
+        """Return the signed speed over the ground."""
+        return self.percept.speed_mps
 
     @property
     def age_s(self) -> float:
@@ -257,7 +183,7 @@ class SweptAssessment:
             verdict, memory = self._forward(speed_mps, steering_rad, reaction_s, memory._replace(reversal=reversal))
             if reversal.wavers:
                 verdict = _slower_of(verdict, self._wavering(speed_mps, reversal.given_up_rad, reaction_s))
-            if self.guard.visibility.suspicious:
+            if self.percept.visibility.suspicious:
                 verdict = _slower_of(verdict, self._unseen(speed_mps, steering_rad, reaction_s))
             return _slower_of(verdict, ceiling), memory
         verdict = self._backward(steering_rad, reaction_s)
@@ -270,7 +196,7 @@ class SweptAssessment:
         """
         age_s = self.age_s
         ceiling = self._ceiling(age_s)
-        known = not self.guard.visibility.suspicious or not math.isfinite(speed_mps + steering_rad)
+        known = not self.percept.visibility.suspicious or not math.isfinite(speed_mps + steering_rad)
         if ceiling.forward_mps <= 0 or speed_mps <= 0 or known:
             return ceiling
         reaction_s = age_s + self.guard.settings.actuation_s
@@ -350,7 +276,7 @@ class SweptAssessment:
 
     def _unseen(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
         """Limit the speed so that a stop is possible within the known part of the path, whatever the rest hides."""
-        body, unknown, look_m = self.guard.body, self.guard.visibility.unknown(), self._look_m(wanted_mps)
+        body, unknown, look_m = self.guard.body, self.percept.visibility.unknown(), self._look_m(wanted_mps)
         found = self.strip.reaches(unknown.hard, steering_rad, look_m)
         hard_mps = body.graded_mps(found, reaction_s)
         brake_mps2 = self.guard.settings.hard_share * body.grip_mps2
@@ -391,15 +317,15 @@ class SweptAssessment:
             return memory
         if emergency.turns:
             braking = self._is_needy(steering_rad) or not emergency.may_release(self.strip, steering_rad, now_s)
-        elif now_s >= max(memory.held_until_s, self.slid_s + UNTOLD_S):
+        elif now_s >= max(memory.held_until_s, self.percept.slid_s + UNTOLD_S):
             braking = self.speed_mps > STANDING_MPS and way_m < hard_m + settings.release_m
         else:
             return memory
         return memory if braking else memory._replace(braking=False)
 
     def _standing(self, found: Contact) -> Verdict:
-        reason = self.guard.stuck_reason or ("wall ahead" if self.strip.free_somewhere() else "boxed in")
-        return Verdict(0.0, NO_LIMIT_MPS, reason, found.travel_m)
+        reason = "wall ahead" if self.strip.free_somewhere() else "boxed in"
+        return Verdict(0.0, NO_LIMIT_MPS, reason, found.travel_m, stands=True)
 
     def _no_contact(self, steering_rad: float, look_m: float, wanted_mps: float, reaction_s: float) -> Verdict:
         """Allow the drive, unless the path enters an enclosed region without echoes, or accelerating would widen it."""
@@ -421,7 +347,7 @@ class SweptAssessment:
 
     def _backward(self, steering_rad: float, reaction_s: float) -> Verdict:
         settings = self.guard.settings
-        left_m = settings.reverse_unseen_m - self.guard.behind.backed_m
+        left_m = settings.reverse_unseen_m - self.percept.behind.backed_m
         brake_mps2 = settings.graded_share * self.guard.body.grip_mps2
         look_m = stopping_distance_m(settings.reverse_mps, reaction_s, brake_mps2) + LOOK_SPARE_M
         found = self.strip.contact(steering_rad, round(look_m, 2), -1.0)

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from wallride.runtime.control.perception.geometry import NOWHERE, Places, any_nearer, solid_places
+from wallride.runtime.control.perception.geometry import ENOUGH_POINTS, NOWHERE, Places, any_nearer, solid_places
+from wallride.runtime.control.perception.no_return_regions import find_dark_regions
+from wallride.runtime.control.perception.rear_memory import RearMemory
 from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.safety.body import LOOK_SPARE_M, Body
-from wallride.runtime.control.safety.footprint import ENOUGH_POINTS, NOTHING, Contact, Outline, contact_on_arc
-from wallride.runtime.control.safety.no_return_regions import find_dark_regions
-from wallride.runtime.control.safety.rear_memory import RearMemory
+from wallride.runtime.control.safety.footprint import NOTHING, Contact, Outline, contact_on_arc
 
 OTHER_STEERINGS = (0.0, 0.5, -0.5, 1.0, -1.0)
 FREE_WAY_M = 0.5

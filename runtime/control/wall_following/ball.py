@@ -15,7 +15,7 @@ from wallride.drivers.api import Drive, MotorState, Scan
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.perception.geometry import Floats
 from wallride.runtime.control.perception.noise_bias import FIRST_NOISE_M, learn_noise_m
-from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.control.wall_following.ball_drive import drive_along_ball
 from wallride.runtime.control.wall_following.ball_law import Aim, Steered, look_aheads_m
@@ -44,7 +44,7 @@ MIN_OPPOSITE_M = 0.1
 class BallFollower:
     """Follows a wall by the rolling ball; `BallSettings` has its parameters."""
 
-    def __init__(self, settings: BallSettings, car: CarSettings, eyes: PerceptionCache) -> None:
+    def __init__(self, settings: BallSettings, car: CarSettings, eyes: ViewCache) -> None:
         self._settings = settings
         self._car = car
         self._eyes = eyes

@@ -8,9 +8,9 @@ from typing import Any
 from wallride.drivers.accelerated import accelerated
 from wallride.drivers.api import MotorState
 from wallride.drivers.value import value
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 
 _STEP_S = 0.015
-_GRAVITY_MPS2 = 9.81
 _MIN_SPEED_MPS = 0.1
 _GRIP_MU = 0.8
 """Friction that bounds the yaw rate of the steering angle; the car turns no faster than its grip allows."""
@@ -176,7 +176,7 @@ def roll_ahead(
     speed_mps, wheelbase_m, trim_rad, rate_radps, dt_s = motion
     angle_rad, target_rad = steering
     x_m = y_m = yaw_rad = 0.0
-    most_radps = _GRIP_MU * _GRAVITY_MPS2 / max(abs(speed_mps), _MIN_SPEED_MPS)
+    most_radps = _GRIP_MU * GRAVITY_MPS2 / max(abs(speed_mps), _MIN_SPEED_MPS)
     waiting = deque(coming)
     for step in range(steps):
         while waiting and waiting[0][0] <= step * dt_s:

@@ -7,9 +7,9 @@ v(s)^2 <= v_point^2 + 2 a_brake (s - 0.3 - 0.06 v)
 import math
 from itertools import pairwise
 
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 from wallride.runtime.control.wall_following.ball_path import RADII_M
 
-GRAVITY_MPS2 = 9.81
 LATERAL_SHARE = 0.75
 BRAKE_SHARE = 0.54
 """Of mu g; together within the friction circle (0.75^2 + 0.54^2 < 1). With mu 0.65 that is 0.35 g, which the graded

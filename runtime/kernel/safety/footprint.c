@@ -68,7 +68,7 @@ static int arc(const struct motion *m, double steering, struct pose *to, beam st
     return 1;
 }
 
-_Static_assert(FOOTPRINT_ENOUGH_POINTS == 3, "`touched` keeps the three deepest");
+_Static_assert(GEOMETRY_ENOUGH_POINTS == 3, "`touched` keeps the three deepest");
 
 struct outline {
     double front, rear, half;
@@ -137,13 +137,13 @@ static PyObject *first_touch(const struct outline *o, const struct pose *poses, 
     struct box all = reach(o, poses, steps);
     struct row row = {(char *)some, sizeof(place), in_reach(&all, points, some)};
     const beam at_once = FOOTPRINT_POSES_AT_ONCE;
-    for (beam first = 0; first < steps && row.count >= FOOTPRINT_ENOUGH_POINTS; first += at_once) {
+    for (beam first = 0; first < steps && row.count >= GEOMETRY_ENOUGH_POINTS; first += at_once) {
         beam last = steps - first < at_once ? steps : first + at_once;
         struct box piece = reach(o, poses + first, last - first);
         beam few = in_reach(&piece, &row, near);
-        for (beam i = first; i < last && few >= FOOTPRINT_ENOUGH_POINTS; i++) {
+        for (beam i = first; i < last && few >= GEOMETRY_ENOUGH_POINTS; i++) {
             double third, aside, way = poses[i].travel;
-            if (touched(o, poses + i, near, few, direction, &third, &aside) >= FOOTPRINT_ENOUGH_POINTS)
+            if (touched(o, poses + i, near, few, direction, &third, &aside) >= GEOMETRY_ENOUGH_POINTS)
                 return Py_BuildValue("(ddd)", greater(way - FOOTPRINT_STEP_M, way - third), aside, poses[i].curvature);
         }
     }

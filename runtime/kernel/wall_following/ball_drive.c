@@ -25,7 +25,7 @@ KERNEL(drive_along_ball) {
     if (steering <= -most_rad && aim.error < -BALL_DRIVE_TOO_NEAR_M && aim.heading < 0.0)
         mu *= BALL_DRIVE_SLIPPING_SHARE;
     double curvature = greater(fabs(tan(steering)) / wheelbase, 1e-6);
-    double now = sqrt(SPEED_PROFILE_LATERAL_SHARE * mu * SPEED_PROFILE_GRAVITY_MPS2 / curvature);
+    double now = sqrt(SPEED_PROFILE_LATERAL_SHARE * mu * VEHICLE_GRAVITY_MPS2 / curvature);
     wanted = lesser(wanted, now);
     wanted = lesser(wanted, fastest(radius, bearing, meets, crosses, circles, speed, mu));
     return Py_BuildValue("(dddd)", aim.error, aim.straight, steering, wanted);

@@ -69,7 +69,7 @@ KERNEL(predict_motion) {
         return PyLong_FromDouble(steps); /* fails as round does */
     steps = most(steps, 1.0);
     double dt = ahead / steps, slew = v[9] * dt, angle = servo, x = 0, y = 0, yaw = 0;
-    double most_rate = PREDICTION_GRIP_MU * PREDICTION_GRAVITY_MPS2 / greater(fabs(speed), PREDICTION_MIN_SPEED_MPS);
+    double most_rate = PREDICTION_GRIP_MU * VEHICLE_GRAVITY_MPS2 / greater(fabs(speed), PREDICTION_MIN_SPEED_MPS);
     for (double step = 0; step < steps; step++) {
         for (; next < all && told[next].at + to_wire - scan <= step * dt; next++)
             target = told[next].angle;

@@ -16,8 +16,8 @@ double fastest(const double *radii, const double *bearings, const npy_bool *meet
     for (end = begin; end < all && meets[end];)
         end++;
     double margin = SPEED_PROFILE_MARGIN_M + SPEED_PROFILE_REACTION_S * fabs(speed);
-    double lateral = SPEED_PROFILE_LATERAL_SHARE * mu * SPEED_PROFILE_GRAVITY_MPS2;
-    double brake = SPEED_PROFILE_BRAKE_SHARE * mu * SPEED_PROFILE_GRAVITY_MPS2;
+    double lateral = SPEED_PROFILE_LATERAL_SHARE * mu * VEHICLE_GRAVITY_MPS2;
+    double brake = SPEED_PROFILE_BRAKE_SHARE * mu * VEHICLE_GRAVITY_MPS2;
     int circles = end - begin, chords = circles > 1 ? circles - 1 : 0;
     const double *radius = radii + begin, *bearing = bearings + begin;
     way[0] = chords ? radius[0] : 0.0;

@@ -18,8 +18,8 @@ import numpy as np
 
 from wallride.drivers.api import Drive, MotorState, Scan
 from wallride.runtime.control.guidance import Guidance
-from wallride.runtime.control.perception.view import PerceptionCache
-from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.perception.view import ViewCache
+from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
 from wallride.runtime.control.wall_following.followed_wall import SideView, side_view
 from wallride.runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
 from wallride.sim.world.pose import Floats, Side
@@ -39,13 +39,12 @@ LATERAL_SHARE, BRAKE_SHARE = 0.75, 0.6
 SHARPEST_PER_M, SEGMENT_EXTRA_M, MARGIN_M, REACTION_S = 0.9, 0.15, 0.3, 0.06
 _BEARINGS_RAD: Final = np.radians(np.linspace(-85.0, 85.0, 69))
 _PROFILE_RADII_M: Final = np.linspace(0.3, 3.0, 10)
-_GRAVITY_MPS2 = 9.81
 
 
 class Prototype:
     """Implements Follower; its settings are constants."""
 
-    def __init__(self, side: Side, desired_m: float, speed_mps: float, car: CarSettings, eyes: PerceptionCache) -> None:
+    def __init__(self, side: Side, desired_m: float, speed_mps: float, car: CarSettings, eyes: ViewCache) -> None:
         self._side: Side = side
         self._desired_m, self._speed_mps = desired_m, speed_mps
         self._car = car
@@ -94,7 +93,7 @@ class Prototype:
 
     def _fastest_mps(self, wall_m: Floats, ball_m: float, speed_mps: float) -> float:
         """Return the speed allowed by the curvature of the steering and of the ball's path ahead."""
-        lateral, brake = LATERAL_SHARE * MU * _GRAVITY_MPS2, BRAKE_SHARE * MU * _GRAVITY_MPS2
+        lateral, brake = LATERAL_SHARE * MU * GRAVITY_MPS2, BRAKE_SHARE * MU * GRAVITY_MPS2
         now = lateral / max(abs(math.tan(self._steering_rad)) / self._car.wheelbase_m, 1e-6)
         square, margin_m = now, MARGIN_M + REACTION_S * abs(speed_mps)
         places: list[tuple[float, float]] = []

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wallride.sim.car.vehicle import GRAVITY_MPS2
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 from wallride.sim.lab.cell import TabledCell
 from wallride.sim.lab.figures import Row, text
 from wallride.sim.lab.report import published

@@ -77,16 +77,21 @@ async def test_a_value_put_outside_any_task_is_taken_before_put_returns():
 
 
 async def test_an_error_of_the_reader_stays_in_its_task():
-    inbox, put = Inbox(), []
+    inbox, went_on = Inbox(), []
 
     async def failing():
         raise ValueError(await inbox.get())
 
     reader = asyncio.create_task(failing())
     await asyncio.sleep(0)
-    asyncio.get_running_loop().call_soon(lambda: put.append(inbox.put("bad")))
-    await until(reader.done)
-    assert put == [None], "the callback that put it went on"
+
+    def callback():
+        inbox.put("bad")
+        went_on.append(reader.done())
+
+    asyncio.get_running_loop().call_soon(callback)
+    await until(lambda: went_on)
+    assert went_on == [True]
     with pytest.raises(ValueError, match="bad"):
         reader.result()
 

@@ -164,16 +164,16 @@ def test_the_guard_keeps_what_it_knows():
     drive = Drive()
     drive.soil(250, 265)
     guard = drive.laws.guard
-    memory, movers, mask = guard.memory, guard.movers, guard.health.mask
+    memory, movers, mask = guard.memory, guard.perception.movers, guard.perception.health.mask
     assert mask is not None
     drive.speed_mps = 0.0
     drive.tune(safety={"grip_mu": 0.6, "window": {"memory_m": 0.7}})
     drive.scan()
     drive.laws.learn()
     assert drive.laws.guard is guard
-    assert (guard.memory, guard.movers) == (memory, movers)
-    assert guard.health.mask is not None
-    assert np.array_equal(guard.health.mask, mask), "a standing car keeps the dirt that it has learnt"
+    assert (guard.memory, guard.perception.movers) == (memory, movers)
+    assert guard.perception.health.mask is not None
+    assert np.array_equal(guard.perception.health.mask, mask), "a standing car keeps the dirt that it has learnt"
     assert guard.body.grip_mps2 == pytest.approx(0.6 * 9.81)
 
 
@@ -184,7 +184,7 @@ def test_the_window_is_judged_anew_at_the_next_scan_although_the_car_has_hardly_
     drive.tune(safety={"doubtful_mps": 0.7})
     drive.scan()
     drive.laws.learn()
-    health = drive.laws.guard.health
+    health = drive.laws.guard.perception.health
     assert health.ceiling_mps == 0.0, "more than a quarter of the window is dirty"
     drive.tune(safety={"window": {"refused_share": 0.9}})
     drive.scan()

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wallride.runtime.control.limiter import ASIDE_MPS2, Limiter, Limits
-from wallride.runtime.control.safety.stopping import GRAVITY_MPS2
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 
 LIMITS = Limits(
     max_speed_mps=4.0, max_reverse_mps=1.0, max_steering_rad=0.34, steering_rate_radps=3.2, max_acceleration_mps2=4.0

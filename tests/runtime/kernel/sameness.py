@@ -11,7 +11,6 @@ from tests.runtime.in_earnest import judged
 from tests.runtime.kernel.structures import STRUCTURES
 from wallride.drivers.accelerated import FUNCTIONS
 from wallride.drivers.api import MotorState, Scan
-from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.control.safety.swept import SweptGuard
 from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.vehicle import CarSettings
@@ -58,9 +57,8 @@ class Drive:
 
     def __init__(self, side="left"):
         car = CarSettings(lidar_y_m=0.03)
-        eyes = PerceptionCache(car)
-        self.guard = SweptGuard(SweptSettings(), car, eyes)
-        self.follower = BallFollower(BallSettings(speed_mps=2.0, side=side), car, eyes)
+        self.guard = SweptGuard(SweptSettings(), car)
+        self.follower = BallFollower(BallSettings(speed_mps=2.0, side=side), car, self.guard.perception.views)
         self.way_m = 0.0
         self.scans = 0
 

@@ -16,7 +16,7 @@ from wallride.runtime.kernel.build import FILE, BuildError, _headers, build
 from wallride.runtime.kernel.survey import Survey, c_digest, read_seal
 
 SEAL_AGAIN = "after the C does the same and these tests pass: wallride build-kernel --seal"
-NEAR = "runtime/control/safety/rear_memory.py"
+NEAR = "runtime/control/perception/rear_memory.py"
 
 
 def test_wrong_arguments_are_refused_and_crash_nothing(compiled):
@@ -127,7 +127,7 @@ PLACES = """
 from types import SimpleNamespace
 import numpy as np
 from wallride.drivers.accelerated import in_c
-from wallride.runtime.control.safety.rear_memory import find_near_places
+from wallride.runtime.control.perception.rear_memory import find_near_places
 far = np.array([1.0, 2.0, 3.0])
 view = SimpleNamespace(x_m=far, y_m=0 * far, solid=far > 0, ranges_m=far)
 print("find_near_places" in in_c(), find_near_places(view, 0j, 0.0).size)

@@ -106,7 +106,7 @@ async def written(run, monkeypatch):
 async def test_what_has_changed_is_written_when_it_has_settled(tmp_path, monkeypatch):
     run = Run(tmp_path / FILE)
     run.scan()
-    parts = run.guard.own_parts
+    parts = run.guard.perception.own_parts
     parts.remember(replace(KNOWN, ranges_m=tuple((beam, 0.41) for beam in range(30, 50))))
     run.scan()
     parts.changes += 1
@@ -127,7 +127,7 @@ async def test_forgetting_is_for_a_standing_car_and_takes_the_dirt_along(file, m
     with pytest.raises(RefusedError, match="the car moves"):
         run.keeper.answer_forget(b"")
     run.stands = True
-    health = run.guard.health
+    health = run.guard.perception.health
     health.ceiling_mps, health.reason = 0.0, "too much dirt: clean the lidar"
     assert json.loads(run.keeper.answer_forget(b""))["patches"] == []
     assert (health.ceiling_mps, run.scan()) == (math.inf, ())

@@ -9,7 +9,7 @@ from tests.runtime.observed import HandClock, make_observed, output_of, scan_at
 from wallride.drivers.api import Drive
 from wallride.runtime.arbitration.command import Source
 from wallride.runtime.control.guidance import Guidance
-from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.telemetry import marker_writers
 from wallride.sim.virtual.devices import ranges_between_walls
@@ -81,7 +81,7 @@ def test_the_outline_is_closed_and_as_large_as_the_car():
 
 def test_the_strip_ends_at_the_contact_and_the_beam_leads_to_it():
     ahead_m = 0.9
-    view = PerceptionCache(CAR).see(scan_at(1.0, ranges_between_walls(1.0, 1.0, ahead_m=ahead_m)))
+    view = ViewCache(CAR).see(scan_at(1.0, ranges_between_walls(1.0, 1.0, ahead_m=ahead_m)))
     way_m = ahead_m + CAR.lidar_x_m - CAR.front_m
     output = output_of(OBSERVED, speed_mps=0.0, winner=Source.SAFETY, reason="wall ahead", measure=way_m)
     drawn = by_name(marker_writers.footprint(output, CAR, view))
@@ -93,7 +93,7 @@ def test_the_strip_ends_at_the_contact_and_the_beam_leads_to_it():
 
 
 def test_a_car_that_nothing_holds_shows_a_second_of_its_way_and_no_beam():
-    view = PerceptionCache(CAR).see(scan_at(1.0))
+    view = ViewCache(CAR).see(scan_at(1.0))
     drawn = by_name(marker_writers.footprint(output_of(OBSERVED, speed_mps=2.0), CAR, view))
     assert "the beam that stops" not in drawn
     left = drawn["left edge"].points_m
@@ -104,7 +104,7 @@ def test_a_car_that_nothing_holds_shows_a_second_of_its_way_and_no_beam():
 def test_beams_that_are_left_out_are_shown():
     ranges_m = ranges_between_walls(1.0, 1.0)
     ranges_m[500:502] = 0.4  # too thin to be a thing
-    view = PerceptionCache(CAR).see(scan_at(1.0, ranges_m))
+    view = ViewCache(CAR).see(scan_at(1.0, ranges_m))
     ignored = by_name(marker_writers.footprint(output_of(OBSERVED), CAR, view))["ignored"].points_m
     near = np.hypot(ignored[0] - CAR.lidar_x_m, ignored[1]) < 0.41
     assert np.count_nonzero(near) >= 2

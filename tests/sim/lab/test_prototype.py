@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.runtime.control.wall_following.ball_scenes import scan_in
-from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.lab import laws, walls
 from wallride.sim.lab.cell import Cell
@@ -24,7 +24,7 @@ def mean_error_m(run):
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_the_prototype_steers_by_its_two_gains(side):
     """0.1 m too far from a straight wall the ball is at asin(0.1 / 0.4) on a circle of 0.4 m."""
-    law = Prototype(side, 1.0, 1.0, CarSettings(), PerceptionCache(CarSettings()))
+    law = Prototype(side, 1.0, 1.0, CarSettings(), ViewCache(CarSettings()))
     answer = law.follow(scan_in("straight", y_m=-0.1, side=side), None)
     assert answer.drive is not None
     sign = 1.0 if side == "left" else -1.0

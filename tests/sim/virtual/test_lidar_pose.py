@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wallride.drivers.vesc.settings import VescSettings
-from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.car.wiring import NO_ERRORS, WiringConversion, WiringErrors
 from wallride.sim.lab.courses.walls import case_of
@@ -27,7 +27,7 @@ def test_the_view_of_a_displaced_lidar_lies_on_the_wall():
     lidar = LidarSettings(noise_std_m=0.0, **MOUNT)
     world = load_world("straight")
     seen = scan(world, Pose(0.0, 0.0, 0.0), STANDING, 0.0, np.random.default_rng(0), lidar)
-    view = PerceptionCache(CarSettings(lidar_x_m=X_M, lidar_y_m=Y_M)).see(as_scan(seen, lidar, 0.0, 0, YAW_RAD))
+    view = ViewCache(CarSettings(lidar_x_m=X_M, lidar_y_m=Y_M)).see(as_scan(seen, lidar, 0.0, 0, YAW_RAD))
     left = view.y_m > 0.5
     assert np.count_nonzero(left) > 300
     assert np.abs(view.y_m[left] - 1.0).max() < 0.001

@@ -8,7 +8,7 @@ import pytest
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.perception.lidar_health import LidarHealth
 from wallride.runtime.control.perception.lidar_health_settings import LidarHealthSettings
-from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.perception.window_dirt import (
     beside_echoes,
     patches,
@@ -41,7 +41,7 @@ class Drive:
 
     def __init__(self):
         self.health = LidarHealth(LidarHealthSettings(), 0.33)
-        self.eyes = PerceptionCache(CarSettings())
+        self.eyes = ViewCache(CarSettings())
         self.distance_m = 0.0
 
     def go(self, ranges_m, way_m, steering_rad=0.0, noise_m=0.02, range_max_m=30.0):

@@ -10,7 +10,7 @@ import pytest
 from tests.runtime.control.perception.test_plausibility import CAR, PERIOD_S, Room
 from wallride.drivers.api import MotorState
 from wallride.runtime.control.perception.motion_agreement import HOLDS_AFTER_S, Agreement, MotionAgreement
-from wallride.runtime.control.perception.odometry import Odometry, OdometryState
+from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.sim.recordings import load_recording
 from wallride.sim.recordings.scans import motion_of, motor_at, scans_of
 
@@ -22,12 +22,11 @@ class Witness:
 
     def __init__(self):
         self.agreement = MotionAgreement(CAR.lidar_m)
-        self.odometry = Odometry(CAR.wheelbase_m)
         self.said = []
 
-    def look(self, scan, motor, *, odometry_check):
+    def look(self, percept, *, odometry_check):
         assert odometry_check
-        self.said.append(self.agreement.learn(scan, motor, self.odometry.update(motor)))
+        self.said.append(self.agreement.learn(percept.scan, percept.motor, percept.pose))
 
 
 @pytest.mark.parametrize(

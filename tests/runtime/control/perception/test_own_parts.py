@@ -9,7 +9,7 @@ from tests.runtime.in_earnest import judged
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.own_parts import MIN_THROUGH_SCANS, PART_RIM_BEAMS, KnownParts, OwnParts
-from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.safety.swept import SweptAssessment, SweptGuard
 from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.vehicle import CarSettings
@@ -29,7 +29,7 @@ class Car:
 
     def __init__(self, own_parts="none", obstacles=(), world="straight", y_m=0.0, seed=1):
         self.lidar = LidarSettings(noise_std_m=0.02, outlier_share=0.02, own_parts=own_parts)
-        self.guard = SweptGuard(SweptSettings(), CAR, PerceptionCache(CAR))
+        self.guard = SweptGuard(SweptSettings(), CAR)
         self.scene = ObstacleWorld(load_world(world), obstacles)
         self.rng = np.random.default_rng(seed)
         self.pose = Pose(0.0, y_m, 0.0)
@@ -86,14 +86,14 @@ def test_parts_are_learnt_on_thirty_centimetres(kind):
     own = behind(view) & ~view.own
     if kind == "film":
         own &= view.ranges_m < 0.6  # its rim is a mixture with what is behind
-    assert np.count_nonzero(car.guard.own_parts.parts & own) > 0.7 * np.count_nonzero(own)
+    assert np.count_nonzero(car.guard.perception.own_parts.parts & own) > 0.7 * np.count_nonzero(own)
 
 
 def test_a_standing_car_learns_no_part():
     car = Car("wide")
     for _ in range(80):
         car.look()
-    assert not car.guard.own_parts.parts.any()
+    assert not car.guard.perception.own_parts.parts.any()
 
 
 def test_a_clean_car_imagines_no_part_beside_walls_and_legs():
@@ -101,7 +101,7 @@ def test_a_clean_car_imagines_no_part_beside_walls_and_legs():
     car.look()
     for _ in range(180):
         car.look(STEP_M)
-        assert not car.guard.own_parts.parts.any()
+        assert not car.guard.perception.own_parts.parts.any()
 
 
 def test_a_wall_close_beside_counts_from_the_first_scan_on():
@@ -117,7 +117,7 @@ def test_a_wall_close_beside_a_car_that_backs_is_no_part_of_it():
     car.look()
     for _ in range(40):
         view = car.look(-STEP_M)
-        assert not car.guard.own_parts.parts.any()
+        assert not car.guard.perception.own_parts.parts.any()
     assert np.count_nonzero(view.solid & behind(view)) > 0.9 * np.count_nonzero(behind(view))
 
 
@@ -136,7 +136,7 @@ def test_a_person_who_comes_beside_the_shoulder_of_a_standing_car_counts(kind):
 
 def test_a_cable_that_swings_to_and_fro_stays_in_doubt():
     """It is away for almost a second at a time: its beams have seen through, but not for long enough."""
-    parts, eyes = OwnParts(CAR.lidar_x_m), PerceptionCache(CAR)
+    parts, eyes = OwnParts(CAR.lidar_x_m), ViewCache(CAR)
     free_m = np.full(1081, 4.0, np.float32)
     cable_m = free_m.copy()
     cable_m[40:60] = 0.4
@@ -153,7 +153,7 @@ def test_a_cable_that_swings_to_and_fro_stays_in_doubt():
 @pytest.mark.parametrize("moved_beams", [-PART_RIM_BEAMS, PART_RIM_BEAMS])
 def test_a_part_that_is_bent_aside_by_a_rim_stays_in_doubt(moved_beams):
     """The beams beside it have seen through for two seconds, and what they see then is still the part."""
-    parts, eyes = OwnParts(CAR.lidar_x_m), PerceptionCache(CAR)
+    parts, eyes = OwnParts(CAR.lidar_x_m), ViewCache(CAR)
     for step in range(90):
         seen_m = np.full(1081, 4.0, np.float32)
         first = 40 if step < 80 else 40 + moved_beams
@@ -233,7 +233,7 @@ def test_its_own_parts_do_not_keep_a_car_from_backing_out_once_they_are_known():
     view = car.look()
     seen = np.flatnonzero(behind(view, 0.4)).tolist()
     known = KnownParts(view.scan.angle_min_rad, view.scan.angle_step_rad, 1081, tuple((beam, 0.23) for beam in seen))
-    car.guard.own_parts.remember(known)
+    car.guard.perception.own_parts.remember(known)
     assert backs(car)
 
 
@@ -242,8 +242,8 @@ def test_no_part_is_tracked_as_a_person():
         car = Car(kind, world="cluttered")
         for _ in range(120):
             view = car.look(0.05)
-            tracks = [track.place_m for track in car.guard.movers._tracks if track.scans >= 8]
-            pose = car.guard._odometry.pose
+            tracks = [track.place_m for track in car.guard.perception.movers._tracks if track.scans >= 8]
+            pose = car.guard.perception.odometry.pose
             near = [place for place in tracks if abs(place - complex(pose.x_m + CAR.lidar_x_m, pose.y_m)) < 0.6]
             assert [place for place in near if place.real < pose.x_m + 0.2] == [], (kind, view.scan.sequence)
 
@@ -252,15 +252,15 @@ def test_parts_that_are_remembered_are_known_in_the_first_scan():
     taught = Car("mounts")
     taught.look()
     taught.drive(0.4)
-    known = taught.guard.own_parts.known
+    known = taught.guard.perception.own_parts.known
     assert known is not None
     assert len(known.ranges_m) > 30
     car = Car("mounts", seed=7)
-    car.guard.own_parts.remember(known)
+    car.guard.perception.own_parts.remember(known)
     car.look()
-    assert np.count_nonzero(car.guard.own_parts.parts) == len(known.ranges_m)
+    assert np.count_nonzero(car.guard.perception.own_parts.parts) == len(known.ranges_m)
     car.drive(0.6)
-    assert np.count_nonzero(car.guard.own_parts.parts) >= 0.9 * len(known.ranges_m)
+    assert np.count_nonzero(car.guard.perception.own_parts.parts) >= 0.9 * len(known.ranges_m)
 
 
 def test_parts_that_are_gone_are_forgotten():
@@ -268,19 +268,19 @@ def test_parts_that_are_gone_are_forgotten():
     taught.look()
     taught.drive(0.4)
     car = Car()
-    car.guard.own_parts.remember(taught.guard.own_parts.known)
+    car.guard.perception.own_parts.remember(taught.guard.perception.own_parts.known)
     car.look()
-    before = car.guard.own_parts.changes
+    before = car.guard.perception.own_parts.changes
     car.drive(4.0)
-    assert not car.guard.own_parts.parts.any()
-    assert car.guard.own_parts.changes > before
+    assert not car.guard.perception.own_parts.parts.any()
+    assert car.guard.perception.own_parts.changes > before
 
 
 def test_parts_of_another_kind_of_lidar_are_not_used():
     parts = OwnParts(CAR.lidar_x_m)
     parts.remember(KnownParts(math.radians(-135.0), math.radians(0.5), 541, ((5, 0.3),)))
     car = Car()
-    car.guard.own_parts = parts
+    car.guard.perception.own_parts = parts
     car.look()
     assert not parts.parts.any()
 
@@ -295,8 +295,8 @@ def test_wheels_that_turn_while_the_scene_stands_teach_nothing():
     for _ in range(300):
         car.look(0.0, wheels_m=0.03)
     assert car.assessment.window.forward_mps == math.inf
-    assert car.guard.health.mask is None
-    assert not car.guard.own_parts.parts.any()
+    assert car.guard.perception.health.mask is None
+    assert not car.guard.perception.own_parts.parts.any()
 
 
 def test_a_car_that_drives_is_not_taken_for_one_that_stands():
@@ -304,4 +304,4 @@ def test_a_car_that_drives_is_not_taken_for_one_that_stands():
         car = Car("mounts", world=world)
         for _ in range(60):
             car.look(0.04)
-            assert not car.guard.scene_motion.stands, world
+            assert not car.guard.perception.scene_motion.stands, world

@@ -8,6 +8,7 @@ import pytest
 from tests.runtime.in_earnest import judged
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.laws import LiveLaws
+from wallride.runtime.control.perception.perception import Perception
 from wallride.runtime.control.perception.plausibility import (
     BACKWARDS,
     FROZEN,
@@ -18,6 +19,8 @@ from wallride.runtime.control.perception.plausibility import (
     WRONG_SCALE,
     Plausibility,
 )
+from wallride.runtime.control.safety.swept import assumed
+from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.virtual.closed_loop import as_scan
@@ -40,6 +43,7 @@ class Room:
         self.rng = np.random.default_rng(seed)
         self.lidar = LidarSettings(noise_std_m=noise_m)
         self.plausibility = judge or Plausibility(CAR)
+        self.perception = Perception(CAR, assumed(SweptSettings()))
         self.yaw_rad = yaw_rad  # of the lidar as configured
         self.now_s = self.distance_m = 0.0
         self.sequence = 0
@@ -75,7 +79,8 @@ class Room:
             killed=False,
         )  # fmt: skip
         self.last = seen
-        self.plausibility.look(seen, state if motor else None, odometry_check=self.odometry_check)
+        percept = self.perception.look(seen, state if motor else None)
+        self.plausibility.look(percept, odometry_check=self.odometry_check)
 
     def drive(self, way_m, speed_mps=1.0, **more):
         for _ in range(round(abs(way_m / speed_mps / PERIOD_S))):

@@ -8,7 +8,7 @@ import pytest
 from wallride.drivers.api import Scan
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.scan_matching import MatchedOdometry, ScanPose, match, surfaces_of
-from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
@@ -26,9 +26,7 @@ def room(pose, *, half_width_m=1.0, ends_m=(-4.0, 6.0), noise_m=0.01, seed=1):
         to_end = np.where(cos > 0, (ends_m[1] - at.real) / cos, (ends_m[0] - at.real) / cos)
     ranges_m = np.minimum(np.abs(to_side), np.abs(to_end)) + np.random.default_rng(seed).normal(0, noise_m, 1081)
     ranges_m[ranges_m > 25] = np.nan
-    return PerceptionCache(CAR).see(
-        Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m.astype(np.float32), 0)
-    )
+    return ViewCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m.astype(np.float32), 0))
 
 
 @pytest.mark.parametrize(("shift", "yaw_rad"), [(0.3 + 0.05j, 0.12), (0.2 - 0.1j, -0.2), (0j, 0.0)])
@@ -45,7 +43,7 @@ def test_a_wrong_heading_and_side_are_corrected(shift, yaw_rad):
 def test_a_lidar_of_360_beams_is_enough():
     def coarse(pose, seed):
         fine = room(pose, seed=seed).scan
-        return PerceptionCache(CAR).see(
+        return ViewCache(CAR).see(
             Scan(0.0, 0.0, fine.angle_min_rad, 3 * STEP_RAD, 0.02, 30.0, fine.ranges_m[::3].copy(), 0)
         )
 
@@ -66,7 +64,7 @@ def test_along_a_bare_corridor_the_odometry_decides():
 def test_a_scene_that_does_not_fit_or_is_not_seen_corrects_nothing():
     before = surfaces_of(room((0, 0, 0)))
     assert match(room((0, 0, 0), half_width_m=2.0, ends_m=(-9.0, 12.0)), before, ScanPose()) is None
-    nothing = PerceptionCache(CAR).see(
+    nothing = ViewCache(CAR).see(
         Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, np.full(1081, np.nan, np.float32), 0)
     )
     assert match(nothing, before, ScanPose()) is None
@@ -93,7 +91,7 @@ def test_noise_on_the_walls_of_a_corridor_moves_nothing_along_it():
 def test_a_round_room_shows_no_heading():
     """All ranges are alike: the car may have turned by any angle."""
     ranges_m = np.full(1081, 3.0, np.float32)
-    view = PerceptionCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
+    view = ViewCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
     _, sure = match(view, surfaces_of(view), ScanPose())
     assert not sure
 
@@ -109,7 +107,7 @@ def test_a_scene_that_fits_by_a_third_is_another_one():
         view = room((0, 0, 0))
         ranges_m = view.scan.ranges_m.copy()
         ranges_m[from_beam:to_beam] *= 1.4
-        return PerceptionCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
+        return ViewCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
 
     before = surfaces_of(room((0, 0, 0)))
     assert match(half_open(500, 620), before, ScanPose()) is not None

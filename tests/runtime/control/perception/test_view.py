@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wallride.drivers.api import Scan
-from wallride.runtime.control.perception.view import PerceptionCache, supported, thin_dirt, trails
+from wallride.runtime.control.perception.view import ViewCache, supported, thin_dirt, trails
 from wallride.runtime.control.vehicle import CarSettings
 
 BEAMS = 1081
@@ -23,7 +23,7 @@ def room(range_m=5.0):
 
 
 def see(ranges_m):
-    return PerceptionCache(CarSettings()).see(scan_of(ranges_m))
+    return ViewCache(CarSettings()).see(scan_of(ranges_m))
 
 
 def test_points_are_in_base_link_ahead_of_the_rear_axle():
@@ -172,7 +172,7 @@ def test_a_wild_beam_does_not_cut_a_pole_into_two_smudges():
 
 
 def test_learnt_dirt_is_ignored_where_it_reads_near_and_only_there():
-    eyes = PerceptionCache(CarSettings())
+    eyes = ViewCache(CarSettings())
     ranges_m, at = smudge(30, 0.3)
     dirty = np.zeros(BEAMS, bool)
     dirty[at : at + 30] = True
@@ -192,6 +192,6 @@ def test_learnt_dirt_is_ignored_where_it_reads_near_and_only_there():
 
 
 def test_one_scan_is_seen_once():
-    eyes, scan = PerceptionCache(CarSettings()), scan_of(room())
+    eyes, scan = ViewCache(CarSettings()), scan_of(room())
     assert eyes.see(scan) is eyes.see(scan)
     assert eyes.see(scan_of(room())) is not eyes.see(scan)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from wallride.drivers.api import Scan
-from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.perception.rear_memory import RememberedView
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.recovery.floor_map import CELL_M, HALF_CELLS, blocked_floor
 from wallride.runtime.control.safety.body import Body
-from wallride.runtime.control.safety.rear_memory import RememberedView
 from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.world.segments import SegmentGeometry, box
@@ -27,7 +27,7 @@ def view(at, yaw_rad=0.0, surroundings=ROOM, told=None):
     lidar = at + CAR.lidar_x_m * cmath.rect(1.0, yaw_rad)
     ranges_m = surroundings.cast(lidar.real, lidar.imag, BEARING_RAD + yaw_rad).astype(np.float32)
     scan = Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0)
-    return RememberedView(PerceptionCache(CAR).see(scan), at if told is None else told, yaw_rad)
+    return RememberedView(ViewCache(CAR).see(scan), at if told is None else told, yaw_rad)
 
 
 def result(steps):

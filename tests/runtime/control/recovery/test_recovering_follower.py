@@ -1,15 +1,15 @@
 """A car that cannot go on says so where people look: in the reason of the decision, which the status quotes."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from wallride.drivers.api import Drive, MotorState, Scan
-from wallride.runtime.arbitration.command import DriveCommand, Output, Source, SpeedLimit, arbitrate
+from wallride.runtime.arbitration.command import DriveCommand, Output, Source, SpeedLimit, Verdict, arbitrate
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.laws import LiveLaws
-from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.control.recovery.recovering_follower import RecoveringFollower
 from wallride.runtime.control.recovery.way_out import ASKS_AFTER_S, DISBELIEF, HELP, Recovery
 from wallride.runtime.control.safety.swept import SweptGuard
@@ -41,15 +41,15 @@ class Car:
         self.rooms = SegmentGeometry(
             np.array([side for x, y, long, wide in places for side in box(x, y, long, wide, 0)])
         )
-        self.guard = SweptGuard(SweptSettings(), CAR, PerceptionCache(CAR))
+        self.guard = SweptGuard(SweptSettings(), CAR)
         self.follower = RecoveringFollower(Straight(), self.guard, Recovery(RecoverySettings(**settings)))
         self.scans = 0
         self.word = DriveCommand(NAVIGATION, Drive(1.0, 0.0), None, "wall")
         self.said = set()
 
     def decide(self, assessment):
-        live = (SpeedLimit(SAFETY, assessment, assessment.view.scan.stamp_s), self.word)
-        decision, ((judge, memory),) = arbitrate(live, frozenset({SAFETY}), (SAFETY, NAVIGATION))
+        live = (SpeedLimit(SAFETY, assessment, self.scan.stamp_s), self.word)
+        decision, ((judge, memory),) = arbitrate(live, frozenset({SAFETY}), (SAFETY, Source.TELEOP, NAVIGATION))
         judge.commit(memory)
         return decision
 
@@ -64,7 +64,9 @@ class Car:
     def step(self):
         assessment = self.look()
         guidance = self.follower.follow(self.scan, self.motor)
-        self.word = DriveCommand(NAVIGATION, guidance.drive or Drive(0.0, 0.0), self.scan.stamp_s, guidance.reason)
+        self.word = DriveCommand(
+            NAVIGATION, guidance.drive or Drive(0.0, 0.0), self.scan.stamp_s, guidance.reason, guidance.stuck
+        )
         self.said.add(guidance.reason)
         return self.decide(assessment)
 
@@ -90,8 +92,22 @@ def test_between_a_scan_and_its_answer_the_words_are_the_same():
     car = Car(*CAGE)
     car.go(4.0)
     assessment = car.look()
-    car.word = DriveCommand(NAVIGATION, car.word.drive, None, car.word.reason)
+    car.word = replace(car.word, scan_stamp_s=None)
     assert car.decide(assessment).reason == HELP
+
+
+def test_a_human_who_drives_a_boxed_in_car_reads_what_is_in_the_way():
+    car = Car(*CAGE)
+    car.go(4.0)
+    car.word = DriveCommand(Source.TELEOP, car.word.drive, None, "pad drives")
+    assert car.decide(car.look()).reason == "boxed in"
+
+
+def test_a_stuck_driver_hides_no_other_reason_of_safety():
+    car = Car(*CAGE)
+    car.go(4.0)
+    late = Verdict(0.0, 0.0, "the scan is too old")
+    assert car.decide(late).reason == "the scan is too old"
 
 
 def test_when_the_way_is_free_again_nobody_asks_for_help():

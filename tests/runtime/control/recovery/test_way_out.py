@@ -9,7 +9,6 @@ import pytest
 
 from tests.runtime.in_earnest import judged
 from wallride.drivers.api import Drive, MotorState, Scan
-from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.control.recovery.traffic import SETTLED_S
 from wallride.runtime.control.recovery.way_out import DISBELIEF, HELP, NO_ADVICE, TRAFFIC, Recovery
 from wallride.runtime.control.safety.swept import SweptGuard
@@ -42,7 +41,7 @@ class Stage:
 
     def __init__(self, surroundings, **settings):
         self.surroundings = surroundings
-        self.guard = SweptGuard(SweptSettings(), CAR, PerceptionCache(CAR))
+        self.guard = SweptGuard(SweptSettings(), CAR)
         self.recovery = Recovery(RecoverySettings(**settings))
         self.pose = Pose(-1.5, 0.0, 0.0)
         self.now_s = self.way_m = self.speed_mps = self.wheel_rad = 0.0
@@ -148,7 +147,7 @@ def wait(stage, monkeypatch, *episodes):
         monkeypatch.setattr(stage.recovery, "_is_boxed_in", lambda *_, boxed=boxed: boxed)
         for _ in range(round(seconds / SCAN_S)):
             state = stage.look()
-            stage.assessment.speed_mps = speed_mps
+            stage.assessment.percept = replace(stage.assessment.percept, speed_mps=speed_mps)
             begun = stage.recovery.step(stage.assessment, WAY, state).drive is not None
     return begun
 

@@ -10,7 +10,7 @@ from wallride.runtime.control.safety.emergency_manoeuvre import (
     choose,
 )
 from wallride.runtime.control.safety.manoeuvre_rollout import RolloutStart, latency_path, roll_out
-from wallride.runtime.control.safety.stopping import GRAVITY_MPS2
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 
 GRIPS_MPS2 = 0.8 * GRAVITY_MPS2, 0.5 * GRAVITY_MPS2
 NO_PAST = np.zeros(30)

@@ -6,7 +6,6 @@ import numpy as np
 
 from tests.runtime.in_earnest import judged
 from wallride.drivers.api import MotorState, Scan
-from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.control.safety.swept import SweptGuard
 from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.vehicle import CarSettings
@@ -44,7 +43,7 @@ class Car:
 
     def __init__(self, clock=None, **settings):
         self.now_s = 100.0
-        self.guard = SweptGuard(SweptSettings(**settings), CAR, PerceptionCache(CAR), clock=clock)
+        self.guard = SweptGuard(SweptSettings(**settings), CAR, clock=clock)
         self.distance_m = 0.0
 
     def look(self, ranges_m, speed_mps=0.0, wheel_rad=0.0, age_s=0.0, moved_m=0.0, motor=True):

@@ -8,7 +8,6 @@ import pytest
 
 from wallride.drivers.api import Drive
 from wallride.runtime.control.guidance import Guidance
-from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.control.safety.swept import SweptGuard
 from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.vehicle import CarSettings
@@ -44,7 +43,7 @@ def driven(off_m, seed, mu):
     start = Pose(
         START.x_m - off_m * math.sin(START.yaw_rad), START.y_m + off_m * math.cos(START.yaw_rad), START.yaw_rad
     )
-    guard = SweptGuard(SweptSettings(), CAR, PerceptionCache(CAR))
+    guard = SweptGuard(SweptSettings(), CAR)
     case = Case(
         World("hall and lane", SegmentGeometry(HALL_AND_LANE_M), start), None, FAST_MPS, side="right", duration_s=1.2,
         vehicle=VehicleSettings(grip_mu=mu), seed=seed,

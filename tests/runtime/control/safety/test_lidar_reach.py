@@ -8,7 +8,6 @@ import pytest
 from tests.runtime.in_earnest import judged
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.method_settings import SweptSafetySettings
-from wallride.runtime.control.perception.view import PerceptionCache
 from wallride.runtime.control.safety.body import Body
 from wallride.runtime.control.safety.lidar_reach import LEG_BEAMS, LEG_M, WAY_M, reach_mps, sight_m
 from wallride.runtime.control.safety.stopping import stopping_distance_m
@@ -55,7 +54,7 @@ def motor(stamp_s: float) -> MotorState:
 
 
 def guard_after(hz: float, beams: int, range_max_m: float) -> SweptGuard:
-    guard = SweptGuard(SweptSafetySettings(), CAR, PerceptionCache(CAR))
+    guard = SweptGuard(SweptSafetySettings(), CAR)
     for scan in scans(hz, beams, range_max_m):
         guard.look(scan, motor(scan.stamp_s))
     return guard
@@ -88,7 +87,7 @@ class Clock:
 @pytest.mark.parametrize(("hz", "late_s", "stale_s"), [(40.0, 0.10, 0.25), (10.0, 0.17, 0.32), (5.5, 0.251, 0.401)])
 def test_a_scan_is_late_and_stale_later_with_a_slow_lidar(hz, late_s, stale_s):
     clock = Clock()
-    guard = SweptGuard(SweptSafetySettings(), CAR, PerceptionCache(CAR), clock=clock)
+    guard = SweptGuard(SweptSafetySettings(), CAR, clock=clock)
     for scan in scans(hz, 1440, 30.0):
         clock.now_s = scan.stamp_s
         assessment = guard.look(scan, motor(scan.stamp_s))

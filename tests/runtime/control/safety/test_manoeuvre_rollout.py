@@ -20,7 +20,7 @@ from wallride.runtime.control.safety.emergency_manoeuvre import (
     Manoeuvre,
 )
 from wallride.runtime.control.safety.manoeuvre_rollout import STEP_S, distance_m, slide
-from wallride.runtime.control.safety.stopping import GRAVITY_MPS2
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 from wallride.sim.car.vehicle import SpeedDemand, Vehicle, VehicleSettings
 from wallride.sim.world.pose import Pose
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from wallride.runtime.control.perception.moving_obstacles import MovingObstacles
 from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.view import PerceptionCache
-from wallride.runtime.control.safety.moving_obstacles import MovingObstacles
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
 from wallride.sim.world.beams import scan
@@ -32,7 +32,7 @@ def drive(
         Round(radius_m), StandingObstacle(Pose(5.0, 0.6, 0.0)), ConstantMotion(0.0, -walking_mps, from_s, 99)
     )
     scene = ObstacleWorld(load_world(world, side="left"), (walker,))
-    movers, eyes, rng, predicted = MovingObstacles(), PerceptionCache(CAR), np.random.default_rng(5), []
+    movers, eyes, rng, predicted = MovingObstacles(), ViewCache(CAR), np.random.default_rng(5), []
     for step in range(scans):
         now_s = step * SCAN_S
         pose = Pose(speed_mps * now_s, 0.0, 0.0)

@@ -4,13 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wallride.runtime.control.perception.sliding_speed import SlidingSpeed
 from wallride.runtime.control.safety.stopping import (
-    GRAVITY_MPS2,
-    SlidingSpeed,
     brake_beside_turning_mps2,
     speed_to_stop_within_mps,
     stopping_distance_m,
 )
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,9 @@ from tests.runtime.control.safety.swept_scenes import (
 from tests.runtime.in_earnest import judged
 from wallride.runtime.control.safety import swept_path
 from wallride.runtime.control.safety.footprint import contact_on_arc
-from wallride.runtime.control.safety.stopping import GRAVITY_MPS2, speed_to_stop_within_mps, stopping_distance_m
+from wallride.runtime.control.safety.stopping import speed_to_stop_within_mps, stopping_distance_m
 from wallride.runtime.control.safety.swept_path import Strip
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 
 GRADED_MPS2 = 0.45 * 0.8 * GRAVITY_MPS2
 

@@ -14,7 +14,8 @@ from tests.runtime.control.safety.swept_scenes import (
     world,
 )
 from tests.runtime.in_earnest import judged
-from wallride.runtime.control.safety.stopping import GRAVITY_MPS2, stopping_distance_m
+from wallride.runtime.control.safety.stopping import stopping_distance_m
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 
 BESIDE_A_POST = world((1.3, -0.3, 1.3, -0.1))
 """A post that the car can pass on the left, but not on the right."""

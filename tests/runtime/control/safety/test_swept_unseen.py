@@ -17,8 +17,8 @@ from tests.runtime.control.safety.swept_scenes import (
 )
 from tests.runtime.in_earnest import judged
 from wallride.drivers.api import Scan
-from wallride.runtime.control.perception.view import PerceptionCache
-from wallride.runtime.control.safety.no_return_regions import find_dark_regions
+from wallride.runtime.control.perception.no_return_regions import find_dark_regions
+from wallride.runtime.control.perception.view import ViewCache
 
 
 def darkened(from_m, to_m, left_m, right_m, middle=540, half=60):
@@ -46,7 +46,7 @@ def test_the_dark_end_of_a_corridor_or_a_corner_does_not(left_m, right_m):
 
 
 def test_a_third_of_the_window_must_be_dark():
-    eyes = PerceptionCache(CAR)
+    eyes = ViewCache(CAR)
     for dark_beams, dark in ((20, False), (30, True)):
         ranges_m = np.full(BEAMS, 2.0, np.float32)
         ranges_m[540 : 540 + dark_beams] = np.nan
@@ -57,7 +57,7 @@ def test_a_third_of_the_window_must_be_dark():
 def test_where_the_lidar_does_not_look_nothing_is_dark():
     ranges_m = np.full(BEAMS, 2.0, np.float32)
     ranges_m[300:700] = np.nan
-    view = PerceptionCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
+    view = ViewCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
     assert find_dark_regions(view, 0.0, 3.0)
     assert not find_dark_regions(view, -3.0, 3.0)
     assert not find_dark_regions(view, 3.0, 3.0)

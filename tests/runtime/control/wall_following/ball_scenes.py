@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from wallride.drivers.api import MotorState, Scan
-from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.control.wall_following.ball import BallFollower
 from wallride.runtime.control.wall_following.ball_law import Aim, Steered, look_aheads_m, pursuit_steering
@@ -34,7 +34,7 @@ def scan_in(name, x_m=0.0, y_m=0.0, yaw_rad=0.0, side="left", number=0, late_s=0
 
 
 def follower(**changes):
-    return BallFollower(BallSettings(**changes), CAR, PerceptionCache(CAR))
+    return BallFollower(BallSettings(**changes), CAR, ViewCache(CAR))
 
 
 def places(path):

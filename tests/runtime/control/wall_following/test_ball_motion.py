@@ -19,7 +19,7 @@ from wallride.runtime.control.perception.noise_bias import (
     learn_noise_m,
     roughness_m,
 )
-from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.wall_following.ball_law import (
     approach_rad,
 )
@@ -133,7 +133,7 @@ def test_the_bias_of_the_nearest_of_many_noisy_points_is_learnt_while_it_is_cred
 @pytest.mark.parametrize(("inliers", "learns"), [(100, True), (CLEAN_INLIERS, False)])
 def test_it_is_learnt_from_clean_lines_only_and_makes_the_ball_smaller(inliers, learns):
     """So the ball rolls at the wanted distance from the wall, and not from its nearest points."""
-    seen = side_view(PerceptionCache(CAR).see(scan_in("straight")), "left")
+    seen = side_view(ViewCache(CAR).see(scan_in("straight")), "left")
     found = choose_wall(seen, 1.0, None, 1.0)
     assert found is not None
     wall = FollowedWall(found.beams, WallLine(1.05, 0.0, inliers), 1.0, -1)
@@ -170,7 +170,7 @@ def test_what_sticks_out_of_a_wall_is_wall_and_no_noise():
     assert roughness_m(0.03, 0.0186) == pytest.approx(0.03 - 3.6 * 0.0186**1.5)
     assert roughness_m(0.008, 0.0186) == 0.0
     assert roughness_m(0.1, 0.0186) == MAX_ROUGHNESS_M
-    seen = side_view(PerceptionCache(CAR).see(scan_in("straight")), "left")
+    seen = side_view(ViewCache(CAR).see(scan_in("straight")), "left")
     wall = choose_wall(seen, 1.0, None, 1.0)
     assert wall is not None
     smooth, rough = (roll_path(seen, wall, Shift(), Ball(0.02, noise_m, 1.0), ()) for noise_m in (0.1, 1e-4))

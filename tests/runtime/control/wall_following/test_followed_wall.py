@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wallride.drivers.api import Scan
-from wallride.runtime.control.perception.view import PerceptionCache
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.control.wall_following.followed_wall import bridge_glass, choose_wall, outline, side_view
 from wallride.runtime.control.wall_following.wall_fit import WallLine
@@ -36,7 +36,7 @@ def seen_in(walls, pose=None, side="left", silent=None):
     if silent is not None:
         bearing = np.linspace(-135, 135, 1081)
         ranges_m[(bearing >= silent[0]) & (bearing <= silent[1])] = np.nan
-    return side_view(PerceptionCache(CarSettings()).see(scan_of(ranges_m)), side)
+    return side_view(ViewCache(CarSettings()).see(scan_of(ranges_m)), side)
 
 
 def wall_of(seen, ball_m=1.0, expected=None, desired_m=1.0):

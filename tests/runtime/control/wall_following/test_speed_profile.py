@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from wallride.runtime.control.safety.swept_settings import SweptSettings
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 from wallride.runtime.control.wall_following.ball_path import RADII_M, BallPath
 from wallride.runtime.control.wall_following.ball_settings import BallSettings
 from wallride.runtime.control.wall_following.speed_profile import (
     BRAKE_SHARE,
-    GRAVITY_MPS2,
     LATERAL_SHARE,
     MARGIN_M,
     NARROW_M,

@@ -10,9 +10,16 @@ import math
 import numpy as np
 
 from wallride.drivers.value import value
-from wallride.runtime.control.perception.geometry import NOWHERE, Booleans, Bytes, Places
-from wallride.runtime.control.safety.footprint import ENOUGH_POINTS
-from wallride.runtime.control.safety.lidar_sectors import AHEAD_RAD, MISSING, SEEN, UNPROVEN, Sectors, next_seen, runs
+from wallride.runtime.control.perception.geometry import ENOUGH_POINTS, NOWHERE, Booleans, Bytes, Places
+from wallride.runtime.control.perception.lidar_sectors import (
+    AHEAD_RAD,
+    MISSING,
+    SEEN,
+    UNPROVEN,
+    Sectors,
+    next_seen,
+    runs,
+)
 
 HIDES_M, HIDES_SIDE_M, HIDES_PERSON_M = 0.1, 0.2, 0.3
 """Widths of what a gap may hide: a leg in a blind one; half a person in a doubted one; a person in another unproven

@@ -7,9 +7,7 @@ import pytest
 
 from wallride.drivers.api import Scan
 from wallride.runtime.control.perception.geometry import NOWHERE
-from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.view import PerceptionCache
-from wallride.runtime.control.safety.moving_obstacles import (
+from wallride.runtime.control.perception.moving_obstacles import (
     CARRIED_S,
     MAX_THINGS,
     SEEN_SCANS,
@@ -17,6 +15,8 @@ from wallride.runtime.control.safety.moving_obstacles import (
     MovingObstacles,
     find_small_clusters,
 )
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
@@ -36,9 +36,7 @@ def circle(x_m, y_m, radius_m=0.2):
 
 
 def see(ranges_m):
-    return PerceptionCache(CAR).see(
-        Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m.astype(np.float32), 0)
-    )
+    return ViewCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m.astype(np.float32), 0))
 
 
 def watch(place, *, pose=lambda _: OdometryState(), scans=24, radius_m=0.2, noise_m=0.02):

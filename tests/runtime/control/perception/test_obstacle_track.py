@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from wallride.drivers.api import Scan
-from wallride.runtime.control.perception.view import PerceptionCache
-from wallride.runtime.control.safety.obstacle_track import MAX_SPEED_MPS, MotionBounds, ObstacleTrack, ScanLook
+from wallride.runtime.control.perception.obstacle_track import MAX_SPEED_MPS, MotionBounds, ObstacleTrack, ScanLook
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 
 STEP_RAD = math.radians(0.25)
 SCAN_S = 0.025
 BOUNDS = MotionBounds(0.4, 0.3, 0.0, (0.2, 8), (0.1, 6), 1.0)
-EMPTY = PerceptionCache(CarSettings()).see(
+EMPTY = ViewCache(CarSettings()).see(
     Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, np.full(1081, 9.0, np.float32), 0)
 )
 """A hall whose walls are 9 m away: every place before them is free."""
@@ -100,7 +100,7 @@ def test_a_place_that_was_occupied_before_or_still_is_shows_no_motion():
     ranges_m = np.full(1081, 9.0, np.float32)
     ranges_m[480:600] = 2.73  # a wall 3 m before the rear axle
     wall = ScanLook(
-        PerceptionCache(CarSettings()).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0)),
+        ViewCache(CarSettings()).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0)),
         0j,
         1 + 0j,
     )

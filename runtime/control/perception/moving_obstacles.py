@@ -12,16 +12,16 @@ import numpy as np
 
 from wallride.drivers.accelerated import accelerated
 from wallride.runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
-from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.scan_matching import MatchedOdometry
-from wallride.runtime.control.perception.view import View
-from wallride.runtime.control.safety.obstacle_track import (
+from wallride.runtime.control.perception.obstacle_track import (
     MAX_SPEED_MPS,
     NARROW_WIDTH_M,
     MotionBounds,
     ObstacleTrack,
     ScanLook,
 )
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.scan_matching import MatchedOdometry
+from wallride.runtime.control.perception.view import View
 
 WITHIN_M = 6.0
 GAP_BEAMS = 3

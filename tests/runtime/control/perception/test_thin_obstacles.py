@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.geometry import ENOUGH_POINTS
 from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.view import PerceptionCache
-from wallride.runtime.control.safety.footprint import ENOUGH_POINTS
-from wallride.runtime.control.safety.thin_obstacles import SCANS, ThinObstacles
+from wallride.runtime.control.perception.thin_obstacles import SCANS, ThinObstacles
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
@@ -26,7 +26,7 @@ def see(x_m=math.nan, y_m=0.0, wild=()):
         ranges_m[540 + round(math.atan2(y_m, dx) / STEP_RAD)] = math.hypot(dx, y_m)
     for beam, range_m in wild:
         ranges_m[beam] = range_m
-    return PerceptionCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
+    return ViewCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
 
 
 def watch(places, pose=lambda _: OdometryState()):

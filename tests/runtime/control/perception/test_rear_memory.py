@@ -7,8 +7,8 @@ import pytest
 
 from wallride.drivers.api import Scan
 from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.view import PerceptionCache
-from wallride.runtime.control.safety.rear_memory import TRACK_FOR_S, TRACK_M, RearMemory
+from wallride.runtime.control.perception.rear_memory import TRACK_FOR_S, TRACK_M, RearMemory
+from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
@@ -20,7 +20,7 @@ class Rolling:
 
     def __init__(self):
         self.behind = RearMemory(CAR.lidar_x_m)
-        self.eyes = PerceptionCache(CAR)
+        self.eyes = ViewCache(CAR)
         self.x_m = self.now_s = 0.0
 
     def roll(self, way_m, *, y_m=0.0, yaw_rad=0.0):

@@ -7,13 +7,13 @@ import pytest
 
 from tests.runtime.in_earnest import judged
 from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.control.perception.lidar_sectors import BLIND, DEPTH, MISSING, SEEN, UNPROVEN
 from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.view import PerceptionCache
-from wallride.runtime.control.safety.lidar_sectors import BLIND, DEPTH, MISSING, SEEN, UNPROVEN
+from wallride.runtime.control.perception.unknown_regions import CRAWL_MPS
+from wallride.runtime.control.perception.view import ViewCache
+from wallride.runtime.control.perception.visibility import Visibility, crosses_within
 from wallride.runtime.control.safety.swept import SweptGuard
 from wallride.runtime.control.safety.swept_settings import SweptSettings
-from wallride.runtime.control.safety.unknown_regions import CRAWL_MPS
-from wallride.runtime.control.safety.visibility import Visibility, crosses_within
 from wallride.runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()
@@ -46,7 +46,7 @@ class Lidar:
     """A Visibility with eyes and a clock."""
 
     def __init__(self):
-        self.eyes, self.visibility, self.now_s = PerceptionCache(CAR), Visibility(CAR), 10.0
+        self.eyes, self.visibility, self.now_s = ViewCache(CAR), Visibility(CAR), 10.0
 
     def look(self, ranges_m, x_m=0.0, yaw_rad=0.0, *, dirty=None):
         self.now_s += 0.025
@@ -220,7 +220,7 @@ def test_after_a_hole_in_the_scans_nothing_is_expected():
 def test_a_lidar_that_does_not_look_ahead_is_left_to_others():
     scan = Scan(1.0, 1.0, 1.0, 0.01, 0.02, 30.0, np.full(100, 2.0, np.float32), 0)
     seen = Visibility(CAR)
-    seen.look(PerceptionCache(CAR).see(scan), OdometryState())
+    seen.look(ViewCache(CAR).see(scan), OdometryState())
     assert not seen.suspicious
 
 
@@ -228,7 +228,7 @@ class Safety:
     """The whole safety, asked for one drive."""
 
     def __init__(self):
-        self.guard, self.now_s, self.way_m = SweptGuard(SweptSettings(), CAR, PerceptionCache(CAR)), 10.0, 0.0
+        self.guard, self.now_s, self.way_m = SweptGuard(SweptSettings(), CAR), 10.0, 0.0
 
     def limit(self, ranges_m, speed_mps, wanted_mps=2.0):
         self.now_s += 0.025

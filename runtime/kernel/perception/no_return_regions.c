@@ -1,4 +1,4 @@
-/* Twin of runtime/control/safety/no_return_regions.py: regions without echo. */
+/* Twin of runtime/control/perception/no_return_regions.py: regions without echo. */
 
 #include "arrays.h"
 #include "constants.h"
