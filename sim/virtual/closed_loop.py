@@ -317,7 +317,9 @@ class _Rig:
         wish = guidance.drive or Drive(0.0, 0.0)
         words: list[QueueEntry] = [
             SpeedLimit(Source.SAFETY, assessment, now_s),
-            DriveCommand(case.driver, wish, None if case.driver is Source.TELEOP else now_s, guidance.reason),
+            DriveCommand(
+                case.driver, wish, None if case.driver is Source.TELEOP else now_s, guidance.reason, guidance.stuck
+            ),
         ]
         decision, memories = arbitrate(words, frozenset({Source.SAFETY}), _ORDER)
         for judge, memory in memories:

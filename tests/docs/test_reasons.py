@@ -24,7 +24,7 @@ OTHER_TEXT = frozenset(
         # the states and what clears them are on docs/reference/states.md, written from the code
         "driving_state.py",
         # a range in words; an error of the programmer; errors at the start
-        "vehicle.py", "queues.py", "law_class.py",
+        "vehicle.py", "inbox.py", "law_class.py",
     }
 )  # fmt: skip
 NO_REASONS = frozenset(

@@ -14,15 +14,15 @@ from wallride.drivers.value import value
 from wallride.runtime.control.perception.geometry import NOWHERE, Places
 from wallride.runtime.control.perception.lidar_health import LidarHealth
 from wallride.runtime.control.perception.lidar_health_settings import LidarHealthSettings
-from wallride.runtime.control.perception.moving_obstacles import MovingObstacles
+from wallride.runtime.control.perception.obstacles.moving_obstacles import MovingObstacles
+from wallride.runtime.control.perception.obstacles.rear_memory import RearMemory
+from wallride.runtime.control.perception.obstacles.thin_obstacles import ThinObstacles
 from wallride.runtime.control.perception.odometry import Odometry, OdometryState
 from wallride.runtime.control.perception.own_parts import KnownParts, OwnParts
-from wallride.runtime.control.perception.rear_memory import RearMemory
 from wallride.runtime.control.perception.scene_motion import SceneMotion
 from wallride.runtime.control.perception.sliding_speed import SlidingSpeed
-from wallride.runtime.control.perception.thin_obstacles import ThinObstacles
 from wallride.runtime.control.perception.view import View, ViewCache
-from wallride.runtime.control.perception.visibility import Visibility
+from wallride.runtime.control.perception.visibility.visibility import Visibility
 from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
 
 KEPT_ANGLES = 64

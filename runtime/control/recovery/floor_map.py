@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from wallride.runtime.control.perception.geometry import Booleans, Floats, Places
-from wallride.runtime.control.perception.rear_memory import RememberedView
+from wallride.runtime.control.perception.obstacles.rear_memory import RememberedView
 from wallride.runtime.control.safety.footprint import Outline
 
 Whole = npt.NDArray[np.intp]

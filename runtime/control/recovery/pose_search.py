@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wallride.runtime.control.perception.geometry import Booleans, Floats, Places
-from wallride.runtime.control.perception.rear_memory import on_track
+from wallride.runtime.control.perception.obstacles.rear_memory import on_track
 from wallride.runtime.control.recovery.floor_map import CELL_M, CELLS, HALF_CELLS, Whole, border_of, outline_cells
 from wallride.runtime.control.safety.footprint import Outline
 

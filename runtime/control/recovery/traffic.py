@@ -8,7 +8,7 @@ for some time; one that stopped in sight counts until it has stood for a moment,
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from wallride.runtime.control.perception.obstacle_track import ObstacleTrack
+from wallride.runtime.control.perception.obstacles.obstacle_track import ObstacleTrack
 
 SETTLED_S = 3.0
 """Time that something has to stand, in sight, to count as an obstacle like any other."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wallride.drivers.api import Drive, MotorState
-from wallride.runtime.control.perception.moving_obstacles import STOOD_S
+from wallride.runtime.control.perception.obstacles.moving_obstacles import STOOD_S
 from wallride.runtime.control.recovery.floor_map import blocked_floor
 from wallride.runtime.control.recovery.pose_search import Goal, Leg, Move, PoseSearch, WayOut
 from wallride.runtime.control.recovery.traffic import Traffic

@@ -13,8 +13,8 @@ from wallride.drivers.api import Clock, MotorState, Scan
 from wallride.runtime.arbitration.command import NO_LIMIT_MPS, Verdict
 from wallride.runtime.control.perception.lidar_health_settings import LidarHealthSettings
 from wallride.runtime.control.perception.perception import Assumed, Percept, Perception
-from wallride.runtime.control.perception.unknown_regions import CRAWL_MPS
 from wallride.runtime.control.perception.view import View
+from wallride.runtime.control.perception.visibility.unknown_regions import CRAWL_MPS
 from wallride.runtime.control.safety.body import LOOK_SPARE_M, Body
 from wallride.runtime.control.safety.emergency import Emergency
 from wallride.runtime.control.safety.footprint import NOTHING, Contact

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from wallride.runtime.control.perception.geometry import ENOUGH_POINTS, NOWHERE, Places, any_nearer, solid_places
-from wallride.runtime.control.perception.no_return_regions import find_dark_regions
-from wallride.runtime.control.perception.rear_memory import RearMemory
+from wallride.runtime.control.perception.obstacles.rear_memory import RearMemory
 from wallride.runtime.control.perception.view import View
+from wallride.runtime.control.perception.visibility.no_return_regions import find_dark_regions
 from wallride.runtime.control.safety.body import LOOK_SPARE_M, Body
 from wallride.runtime.control.safety.footprint import NOTHING, Contact, Outline, contact_on_arc
 

@@ -1,6 +1,7 @@
 """The C functions refuse wrong arguments, are of the C and the Python that is here, and give way to an edited law."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -16,7 +17,7 @@ from wallride.runtime.kernel.build import FILE, BuildError, _headers, build
 from wallride.runtime.kernel.survey import Survey, c_digest, read_seal
 
 SEAL_AGAIN = "after the C does the same and these tests pass: wallride build-kernel --seal"
-NEAR = "runtime/control/perception/rear_memory.py"
+NEAR = "runtime/control/perception/obstacles/rear_memory.py"
 
 
 def test_wrong_arguments_are_refused_and_crash_nothing(compiled):
@@ -127,7 +128,7 @@ PLACES = """
 from types import SimpleNamespace
 import numpy as np
 from wallride.drivers.accelerated import in_c
-from wallride.runtime.control.perception.rear_memory import find_near_places
+from wallride.runtime.control.perception.obstacles.rear_memory import find_near_places
 far = np.array([1.0, 2.0, 3.0])
 view = SimpleNamespace(x_m=far, y_m=0 * far, solid=far > 0, ranges_m=far)
 print("find_near_places" in in_c(), find_near_places(view, 0j, 0.0).size)
@@ -252,9 +253,9 @@ def test_the_state_names_every_function_that_runs_in_python(compiled):
 
 def test_each_function_is_in_the_file_of_its_modules_name():
     for name in Survey(ROOT).functions:
-        *_, package, module, function = name.split(".")
-        of_the_car = f"runtime/kernel/{package}/{module}.c"
-        text = (ROOT / ("sim/world/casting.c" if package == "world" else of_the_car)).read_text()
+        *folders, module, function = re.sub(r"^wallride\.(drivers|runtime\.control)\.", "", name).split(".")
+        of_the_car = "/".join(["runtime/kernel", *folders, f"{module}.c"])
+        text = (ROOT / ("sim/world/casting.c" if "world" in folders else of_the_car)).read_text()
         assert f"KERNEL({function})" in text
 
 

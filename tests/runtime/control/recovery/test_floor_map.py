@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wallride.drivers.api import Scan
-from wallride.runtime.control.perception.rear_memory import RememberedView
+from wallride.runtime.control.perception.obstacles.rear_memory import RememberedView
 from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.recovery.floor_map import CELL_M, HALF_CELLS, blocked_floor
 from wallride.runtime.control.safety.body import Body

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from wallride.runtime.control.perception.moving_obstacles import MovingObstacles
+from wallride.runtime.control.perception.obstacles.moving_obstacles import MovingObstacles
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings

@@ -17,8 +17,8 @@ from tests.runtime.control.safety.swept_scenes import (
 )
 from tests.runtime.in_earnest import judged
 from wallride.drivers.api import Scan
-from wallride.runtime.control.perception.no_return_regions import find_dark_regions
 from wallride.runtime.control.perception.view import ViewCache
+from wallride.runtime.control.perception.visibility.no_return_regions import find_dark_regions
 
 
 def darkened(from_m, to_m, left_m, right_m, middle=540, half=60):

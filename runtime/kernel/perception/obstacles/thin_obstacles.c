@@ -1,4 +1,4 @@
-/* Twins of runtime/control/perception/thin_obstacles.py: single returns, and those that come again. */
+/* Twins of runtime/control/perception/obstacles/thin_obstacles.py: single returns, and those that come again. */
 
 #include "arrays.h"
 #include "constants.h"

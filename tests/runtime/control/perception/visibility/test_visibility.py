@@ -7,11 +7,11 @@ import pytest
 
 from tests.runtime.in_earnest import judged
 from wallride.drivers.api import MotorState, Scan
-from wallride.runtime.control.perception.lidar_sectors import BLIND, DEPTH, MISSING, SEEN, UNPROVEN
 from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.unknown_regions import CRAWL_MPS
 from wallride.runtime.control.perception.view import ViewCache
-from wallride.runtime.control.perception.visibility import Visibility, crosses_within
+from wallride.runtime.control.perception.visibility.lidar_sectors import BLIND, DEPTH, MISSING, SEEN, UNPROVEN
+from wallride.runtime.control.perception.visibility.unknown_regions import CRAWL_MPS
+from wallride.runtime.control.perception.visibility.visibility import Visibility, crosses_within
 from wallride.runtime.control.safety.swept import SweptGuard
 from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.vehicle import CarSettings

@@ -7,7 +7,7 @@ import pytest
 
 from wallride.drivers.api import Scan
 from wallride.runtime.control.perception.geometry import NOWHERE
-from wallride.runtime.control.perception.moving_obstacles import (
+from wallride.runtime.control.perception.obstacles.moving_obstacles import (
     CARRIED_S,
     MAX_THINGS,
     SEEN_SCANS,

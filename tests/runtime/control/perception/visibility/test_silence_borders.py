@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.silence_borders import Border, Borders
+from wallride.runtime.control.perception.visibility.silence_borders import Border, Borders
 
 LIDAR_X_M = 0.27
 BEAM_RAD = math.radians(0.25)

@@ -1,4 +1,4 @@
-/* Twin of runtime/control/perception/lidar_sectors.py: the state of each sector after one more scan. */
+/* Twin of runtime/control/perception/visibility/lidar_sectors.py: the state of each sector after one more scan. */
 
 #include "arrays.h"
 #include "constants.h"

@@ -11,7 +11,7 @@ import numpy as np
 
 from wallride.drivers.value import value
 from wallride.runtime.control.perception.geometry import ENOUGH_POINTS, NOWHERE, Booleans, Bytes, Places
-from wallride.runtime.control.perception.lidar_sectors import (
+from wallride.runtime.control.perception.visibility.lidar_sectors import (
     AHEAD_RAD,
     MISSING,
     SEEN,

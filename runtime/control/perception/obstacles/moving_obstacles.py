@@ -12,7 +12,7 @@ import numpy as np
 
 from wallride.drivers.accelerated import accelerated
 from wallride.runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
-from wallride.runtime.control.perception.obstacle_track import (
+from wallride.runtime.control.perception.obstacles.obstacle_track import (
     MAX_SPEED_MPS,
     NARROW_WIDTH_M,
     MotionBounds,

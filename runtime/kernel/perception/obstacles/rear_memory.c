@@ -1,4 +1,4 @@
-/* Twins of runtime/control/perception/rear_memory.py: near obstacles, kept in odom, and those behind. */
+/* Twins of runtime/control/perception/obstacles/rear_memory.py: near obstacles, kept in odom, and those behind. */
 
 #include "arrays.h"
 #include "constants.h"

@@ -1,4 +1,4 @@
-/* Twin of runtime/control/perception/no_return_regions.py: regions without echo. */
+/* Twin of runtime/control/perception/visibility/no_return_regions.py: regions without echo. */
 
 #include "arrays.h"
 #include "constants.h"

@@ -8,8 +8,8 @@ import pytest
 
 from wallride.drivers.api import Scan
 from wallride.runtime.control.perception.geometry import ENOUGH_POINTS
+from wallride.runtime.control.perception.obstacles.thin_obstacles import SCANS, ThinObstacles
 from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.thin_obstacles import SCANS, ThinObstacles
 from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 

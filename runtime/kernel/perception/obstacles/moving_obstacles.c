@@ -1,4 +1,4 @@
-/* Twin of runtime/control/perception/moving_obstacles.py: small clusters before a background. */
+/* Twin of runtime/control/perception/obstacles/moving_obstacles.py: small clusters before a background. */
 
 #include "arrays.h"
 #include "constants.h"

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from wallride.drivers.api import Scan
-from wallride.runtime.control.perception.obstacle_track import MAX_SPEED_MPS, MotionBounds, ObstacleTrack, ScanLook
+from wallride.runtime.control.perception.obstacles.obstacle_track import (
+    MAX_SPEED_MPS,
+    MotionBounds,
+    ObstacleTrack,
+    ScanLook,
+)
 from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 

@@ -17,7 +17,9 @@ import numpy as np
 
 from wallride.drivers.api import Scan
 from wallride.runtime.control.perception.geometry import NOWHERE, Booleans, Bytes, Floats, Places
-from wallride.runtime.control.perception.lidar_sectors import (
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.view import View
+from wallride.runtime.control.perception.visibility.lidar_sectors import (
     BLIND,
     DEPTH,
     GONE,
@@ -31,10 +33,8 @@ from wallride.runtime.control.perception.lidar_sectors import (
     sectors_of,
     watch_sectors,
 )
-from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.silence_borders import Border, Borders, Fading, find_border
-from wallride.runtime.control.perception.unknown_regions import SectorView, Unknown, find_unknown
-from wallride.runtime.control.perception.view import View
+from wallride.runtime.control.perception.visibility.silence_borders import Border, Borders, Fading, find_border
+from wallride.runtime.control.perception.visibility.unknown_regions import SectorView, Unknown, find_unknown
 from wallride.runtime.control.vehicle import CarSettings
 
 ON_LIDAR_RAD = math.radians(3)

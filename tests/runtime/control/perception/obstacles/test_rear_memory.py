@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.obstacles.rear_memory import TRACK_FOR_S, TRACK_M, RearMemory
 from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.rear_memory import TRACK_FOR_S, TRACK_M, RearMemory
 from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from wallride.drivers.value import value
 from wallride.runtime.control.perception.geometry import Booleans, Floats, Places
-from wallride.runtime.control.perception.lidar_sectors import SAME_THING_M, SAME_THING_SHARE, Sectors
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.view import LEARNT_DIRT_NEARER_THAN_M, View
+from wallride.runtime.control.perception.visibility.lidar_sectors import SAME_THING_M, SAME_THING_SHARE, Sectors
 
 STAYS_FOR_M = 0.25
 STAYS_FOR_BEAMS = 3.0

@@ -1,0 +1,1 @@
+"""What the lidar can be trusted to show, sector by sector, and where unknown regions begin."""
