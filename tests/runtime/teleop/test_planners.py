@@ -105,6 +105,16 @@ def test_a_planner_that_leaves_unsure_is_lost_at_once_and_its_name_is_free(rig, 
     assert driven(rig) == PLANNED
 
 
+def test_a_planner_that_fails_before_its_first_plan_stops_the_car_and_its_name_is_free(rig, slam):
+    slam.send(Press(0))
+    slam.send(Press.GOODBYE | Press.UNSURE)
+    assert rig.decision.speed_mps == 0.0
+    rig.wait(5.0)
+    assert rig.decision.speed_mps == 0.0, "a failure gives the car to no follower"
+    rig.drive(Planner(rig, "slam", session=2))
+    assert driven(rig) == PLANNED
+
+
 def test_a_lost_planner_takes_the_permit_along_and_only_a_new_one_lets_the_follower_go():
     rig = Rig(permit="required")
     slam, ann = Planner(rig, "slam"), rig.operator()
