@@ -1,9 +1,12 @@
 """The README's "The car in five steps", typed line by line into a terminal, with `wallride emulate` as the car.
 
-The home is new and the environment empty. Run as they stand: all lines with `wallride`, and the service's own command
-behind `systemctl start` and `restart`. What a test cannot do to its computer, and what takes its place:
+The home is new and the environment empty but for the line that `wallride emulate` prints to be pasted. Run as they
+stand: all lines with `wallride`, and the service's own command behind `systemctl start` and `restart`. What a test
+cannot do to its computer, and what takes its place:
 
-* `sudo`: nothing; the line behind it runs as this user. /etc/wallride is a folder of the test.
+* `sudo`: nothing; the line behind it runs as this user. /etc/wallride is a folder of the test, with the emulated car's
+  car.toml.
+* ports 10940 and 7447, which other tests may have: free ones.
 * `sh install.sh`: its --dry-run; tests/wallride/test_install.py and tests/wallride/deploy install below another root.
 * `usermod`, and logging in again: only what is typed is compared, because accounts are root's.
 * `systemctl`, `journalctl`: the unit's ExecStart, and its output.
@@ -30,13 +33,17 @@ ROOT = Path(__file__).resolve().parents[2]
 SECTION = re.compile(r"^## The car in five steps\n(.*?)^## ", re.MULTILINE | re.DOTALL)
 BLOCK = re.compile(r"^( *)```sh\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 STOP = "\x03"
+EMULATE = "wallride emulate --vesc-timeout 1 --vesc-brake 0"
+"""As docs/bring-up.md writes it, for a motor controller as it is sold."""
 WALLRIDE = """#!{python}
 import sys
 from pathlib import Path
 import wallride.parser
 wallride.parser.DEFAULT_CONFIG = Path("{etc}/car.toml")
 from wallride import cli, keys_options
+from wallride.bringup import emulate_options
 keys_options.DEFAULT_DIR = Path("{etc}/keys")
+emulate_options.LIDAR_PORT = 0
 sys.exit(cli.main())
 """
 STAND_INS = {
@@ -131,18 +138,18 @@ class Newcomer:
         }  # fmt: skip
 
     def plug_in(self):
-        """Start the emulated car, a new one, and enter its addresses into car.toml, as step 2 says."""
-        command = "wallride emulate --folder ~/ports --port 0 --vesc-timeout 1 --vesc-brake 0"
+        """Start the emulated car, a new one, and paste the line that it prints."""
         self.car = subprocess.Popen(
-            ["sh", "-c", f"exec {command}"], env=self.environment, stdout=subprocess.PIPE, text=True
-        )
-        text = (ROOT / "config/car.toml").read_text(encoding="utf-8")
-        for _ in range(2):
-            section, _, rest = self.car.stdout.readline().removeprefix("--set ").partition(".")
-            key, _, value = rest.strip().partition("=")
-            text = set_value(text, (section, key), value)
-        text = set_value(text, ("telemetry", "listen"), [self.endpoint])
-        (self.etc / "car.toml").write_text(text, encoding="utf-8")
+            ["sh", "-c", f"exec {EMULATE}"], env=self.environment, stderr=subprocess.PIPE, text=True,
+            stdout=subprocess.DEVNULL,
+        )  # fmt: skip
+        line = next(line for line in self.car.stderr if line.strip().startswith("export "))
+        name, _, file = line.strip().removeprefix("export ").partition("=")
+        self.environment[name] = file
+        settings = Path(file)
+        text = set_value(settings.read_text(encoding="utf-8"), ("telemetry", "listen"), [self.endpoint])
+        settings.write_text(text, encoding="utf-8")
+        (self.etc / "car.toml").symlink_to(settings)
 
     def type_in(self, line, answers):
         """Type a line into a terminal, and each answer when its words come; return the exit code and what was said."""
@@ -176,7 +183,7 @@ class Newcomer:
             os.kill(int(file.read_text()), signal.SIGTERM)
         self.car.send_signal(signal.SIGINT)
         self.car.wait(20)
-        self.car.stdout.close()
+        self.car.stderr.close()
 
 
 @pytest.fixture

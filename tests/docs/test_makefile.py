@@ -15,3 +15,16 @@ def test_the_set_up_is_announced_and_not_silent():
     assert says[0] < packages
     assert "about a minute and a half" in told[says[0]]
     assert "--quiet" not in told[packages], "pip names each package as it comes"
+
+
+def test_what_the_two_commands_do_once_all_is_set_up():
+    recipes = {
+        goal: subprocess.run(
+            ["make", "-n", "-o", ".venv/.ready", "-o", ".venv/.kernel", goal],
+            cwd=ROOT, capture_output=True, text=True, check=True,
+        ).stdout.splitlines()
+        for goal in ("sim", "test", "check")
+    }  # fmt: skip
+    assert recipes["sim"] == [".venv/bin/wallride sim "]
+    assert recipes["test"] == [".venv/bin/pytest -q -n 4 --dist worksteal --quick "]
+    assert recipes["check"][0] == ".venv/bin/ruff format --check ."

@@ -51,7 +51,7 @@ async def failed(scene, block, speed_mps=0.0, seconds=0.0):
 
 async def test_an_exception_at_3_mps_stops_the_car_at_once_and_the_next_block_drives(tmp_path):
     async with operated(tmp_path, "operator.permit=required") as scene:
-        await scene.car.until(lambda: scene.status, "its status")
+        await scene.car.until(lambda: bool(scene.status), "its status")
         failing = asyncio.create_task(failed(scene, lambda car: car.drive(max_speed_mps=3.0), 3.0, 2.5))
         await scene.car.until(lambda: scene.car.wheel_mps > 2.9, "driving at 3 m/s")
         stopped_after_s, taken_after_s = await failing

@@ -7,6 +7,9 @@ from wallride.client_options import port
 from wallride.parser import CONFIG_VARIABLE, add_set, at_least
 from wallride.sim_options import add_conditions
 
+LIDAR_PORT = 10940
+"""TCP port of a Hokuyo as it is sold."""
+
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command and its options."""
@@ -25,7 +28,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     parser.add_argument(
         "--lidar", choices=("tcp", "serial", "both"), default="tcp", help="how the lidar is connected (default: tcp)"
     )
-    parser.add_argument("--port", type=port, default=10940, metavar="N", help="of the lidar, 0: a free one")
+    parser.add_argument("--port", type=port, default=LIDAR_PORT, metavar="N", help="of the lidar, 0: a free one")
     parser.add_argument(
         "--vesc-timeout", type=float, default=0.15, metavar="S",
         help="command timeout of the motor controller (default: 0.15; a new VESC has 1.0)",
