@@ -27,7 +27,7 @@ from wallride.runtime.arbitration.command import Output, Source, consent
 from wallride.runtime.arbitration.inbox import Inbox
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.ending import end
-from wallride.runtime.live_stack import REQUIRED, LiveStack, warm_up
+from wallride.runtime.live_stack import REQUIRED, LiveStack
 from wallride.runtime.realtime.periodic import PeriodicTimer
 from wallride.runtime.realtime.stage_timing import StageTimer
 from wallride.runtime.realtime.wall_clock import WallClock
@@ -35,6 +35,7 @@ from wallride.runtime.recording import recorder
 from wallride.runtime.recording.decision_log import DecisionLog
 from wallride.runtime.recording.disk import Disk, RealDisk
 from wallride.runtime.recording.recorder import Recorder
+from wallride.runtime.rehearsal import Rehearsal
 from wallride.runtime.settings.recording import RecordingSettings
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.tasks import lidar as lidar_task
@@ -201,7 +202,7 @@ def main() -> None:
     disk = SlowDisk(1e6 * options.disk_mbps) if options.disk_mbps else RealDisk()
     folder = Path(tempfile.mkdtemp(prefix="wallride-bench-", dir=options.folder))
     settings = Settings()
-    warm_up(settings, time.monotonic)
+    Rehearsal(settings, time.monotonic).warm_up()
     run_round(folder, 2.0, disk)
     run_round(None, 2.0, disk)
     figures, used, by_thread = measured(folder, options.rounds, options.seconds, disk)

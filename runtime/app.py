@@ -30,6 +30,7 @@ from wallride.runtime.realtime.stage_timing import StageTimer
 from wallride.runtime.realtime.wall_clock import WallClock, never_set
 from wallride.runtime.recording.own_parts_memory import file_in
 from wallride.runtime.recording.recorder import Recorder
+from wallride.runtime.rehearsal import Rehearsal
 from wallride.runtime.ros.graph import DRIVE
 from wallride.runtime.scan_topic import TopicLidar
 from wallride.runtime.settings.tree import Settings
@@ -72,6 +73,7 @@ class CarSurroundings:
     reading_s: duration of the newest scan's read from the kernel, where the lidar measures it.
     scan_phase: the one around which the devices schedule. wall_clock: the computer's, where it may be set.
     computer: watches the computer, where there is a real one. joystick: a gamepad on the car itself.
+    rehearsal: what is done between two scans, where the process has the computer to itself.
     """
 
     file: Path | None = None
@@ -81,6 +83,7 @@ class CarSurroundings:
     wall_clock: WallClock | None = None
     computer: ComputerWatch | None = None
     joystick: LocalOperator | None = None
+    rehearsal: Rehearsal | None = None
 
 
 class Car:
@@ -122,7 +125,7 @@ class Car:
         )
         self.standstill = Standstill(motor, lambda: self.mux.output, clock)
         self.joystick = around.joystick
-        self.computer = around.computer
+        self.computer, self._rehearsal = around.computer, around.rehearsal
         self._add_people()
         self._add_watches()
         self.history = ChangeHistory(settings.parameters.history)
@@ -197,6 +200,8 @@ class Car:
         """Apply other settings in one step of the loop: between two scans, never within one."""
         self.settings = settings
         self.stack.apply(settings)
+        if self._rehearsal is not None:
+            self._rehearsal.apply(settings)
         self.sink.limit(settings.telemetry.rates_hz)
         if self.ros2 is not None:
             self.ros2.limit(settings.telemetry.rates_hz)
@@ -262,6 +267,8 @@ class Car:
         collect_young()
         self.stages.count()
         self.scan_phase.arrived(scan.received_s)
+        if self._rehearsal is not None:
+            self._rehearsal.plan(scan, self.motor.state, self.mux.output, self.scan_phase.next_s)
 
     def _beat(self, beat: bytes) -> None:
         self.bus.put(topics.key(self.settings.car.name, topics.BEAT), beat, encoding=BYTES, urgent=True)
@@ -286,10 +293,8 @@ class Car:
             timer.every(1 / settings.operator.beat_hz, lambda _late_s, _missed: self.planners.tick())
         poll = self.side_work.guarded("polling the network", self.bus.poll)
         timer.every(1 / POLL_HZ, lambda _late_s, _missed: poll())
-        timer.every(1 / health.RATE_HZ, self._health_monitor().tick)
-        timer.every(1 / health.RATE_HZ, self.battery.tick)
-        timer.every(1 / health.RATE_HZ, self.standstill.tick)
-        timer.every(1 / health.RATE_HZ, self.own_law.tick)
+        for tick in (self._health_monitor().tick, self.battery.tick, self.standstill.tick, self.own_law.tick):
+            timer.every(1 / health.RATE_HZ, tick)
         follow_wall_clock = self.side_work.guarded("following the computer's clock", self._follow_wall_clock)
         timer.every(FOLLOW_WALL_CLOCK_S, lambda _late_s, _missed: follow_wall_clock())
         return timer

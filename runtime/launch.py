@@ -32,7 +32,6 @@ from wallride.runtime.host.scheduling import ask_for_precedence, keep_for_this_t
 from wallride.runtime.host.stop_signals import STOP_SIGNALS, STOP_SIGNALS_HELD
 from wallride.runtime.host.user_module import is_of_the_process, shown, told
 from wallride.runtime.lidars import lidar_for, motion_of, motor_for
-from wallride.runtime.live_stack import warm_up
 from wallride.runtime.own_drivers.driver_class import loaded_driver_files
 from wallride.runtime.own_drivers.lidar import OwnLidar
 from wallride.runtime.own_drivers.motor import OwnMotor
@@ -40,6 +39,7 @@ from wallride.runtime.realtime.cpu_latency import awake
 from wallride.runtime.realtime.scan_phase import ScanPhase
 from wallride.runtime.realtime.selector import CheckedSelector
 from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.rehearsal import Rehearsal
 from wallride.runtime.scan_topic import TopicLidar
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.tasks import parameters
@@ -253,6 +253,7 @@ async def _drive(
     scan_phase = ScanPhase()
     motor, lidar = _devices(settings, clock, scan_phase)
     fitted(motor)
+    rehearsal = Rehearsal(settings, clock)
     around = CarSurroundings(
         files.saved,
         files.base,
@@ -261,6 +262,7 @@ async def _drive(
         WallClock(clock),
         ComputerWatch(read_computer),
         joystick,
+        rehearsal if settings.process.rehearse else None,
     )
     car = Car(settings, lidar, motor, bus, clock, around)
     _hear_inertia(motor, car)
@@ -269,7 +271,7 @@ async def _drive(
     if (history := history_file(settings)) is not None:
         parameters.read_history(car.history, history)
     opening = asyncio.create_task(_open(car, bus, stop, files.address), name="bus")
-    warm_up(settings, clock)
+    rehearsal.warm_up()
     gc.collect()
     gc.freeze()  # a full collection would block the loop for milliseconds; the objects present now stay anyway
     await _hold(opening, asked)

@@ -4,12 +4,8 @@
 read, and the answer goes into the command queue. `apply` changes all settings that decide in one step.
 """
 
-import math
-
-import numpy as np
-
 from wallride.drivers.api import Clock, Drive, MotorState, Scan
-from wallride.runtime.arbitration.command import DriveCommand, SafetyAssessment, Source, SpeedLimit, arbitrate, consent
+from wallride.runtime.arbitration.command import DriveCommand, SafetyAssessment, Source, SpeedLimit
 from wallride.runtime.arbitration.command_queue import CommandQueue
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.laws import LiveLaws
@@ -77,25 +73,6 @@ class LiveStack:
         self.laws.tune(settings.wall_follow, settings.safety)
         self.limiter.tune(limits(settings.car))
         self.queue.reorder(settings.effective_order())
-
-
-def warm_up(settings: Settings, clock: Clock) -> None:
-    """Answer synthetic scans by a stack of its own, and judge a drive backwards and an emergency.
-
-    The first calls of numpy and of Python's own code are slower than all later ones.
-    """
-    stack, step_rad, beams = LiveStack(settings, DecisionLog(clock, 0)), math.radians(0.25), 1081
-    stack.queue.put(consent(Source.PERMIT, "a synthetic scan"))
-    for sequence, speed_mps in enumerate((1.0, 1.0, 8.0)):
-        now_s, ranges_m = clock(), np.linspace(1.0, 3.0, beams, dtype=np.float32)
-        scan = Scan(now_s, now_s, -step_rad * (beams // 2), step_rad, 0.02, 30.0, ranges_m, sequence)
-        motor = MotorState(now_s, speed_mps, 0.0, 0.0, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)
-        assessment = stack.look(scan, motor)
-        stack.follow(scan, motor)
-        decision, _ = arbitrate(stack.queue.live(), REQUIRED, stack.queue.order)
-        stack.limiter.limit(decision.speed_mps, decision.steering_rad, 0.025, decision.brake_mps2)
-        for wish_mps in (-0.4, speed_mps):
-            assessment.judge(wish_mps, 0.1, assessment.memory)
 
 
 def limits(car: CarSettings) -> Limits:

@@ -257,6 +257,11 @@ class LiveLaws(LawStack):
             self.recovery.think()
         self.plausibility.learn()
 
+    def forget_newest(self) -> None:
+        """Learn nothing from the newest scan: it was a rehearsal."""
+        self.perception.forget_newest()
+        self.plausibility.forget_newest()
+
     def retry_own_laws(self) -> None:
         """Make own laws with a fault anew."""
         for runner in self.runners:

@@ -114,6 +114,9 @@ class ProcessSettings(Section):
     stay_awake: bool = True
     """Keep the processor out of deep idle states between scans: shorter latency, a little more power."""
 
+    rehearse: bool = True
+    """Answer each scan once more, to no wire, shortly before the next: shorter latency, more CPU."""
+
 
 class Settings(Section):
     """All settings, as one frozen value."""

@@ -148,6 +148,10 @@ class Perception:
         self.health.forget()
         self.views.ignore(None)
 
+    def forget_newest(self) -> None:
+        """Learn nothing from the newest scan: it was a rehearsal."""
+        self._learnt = True
+
     def learn(self) -> None:
         """Learn from the last scan what only later ones need: the window's dirt, and the memory of the rear.
 

@@ -121,6 +121,10 @@ class Plausibility:
         elif not (self._confirmed or self._turned):
             self._conclude(self._motion.learn(scan, motor, pose))
 
+    def forget_newest(self) -> None:
+        """Learn nothing from the newest scan: it was a rehearsal."""
+        self._unlearnt = None
+
     def _begin_anew(self) -> None:
         self._confirmed, self._turned = False, ""
         self._motion.forget()

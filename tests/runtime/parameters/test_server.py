@@ -222,7 +222,7 @@ def test_every_setting_that_a_person_saves_from_afar_is_listed_here():
     known = catalogue(Settings())
     free = {name for name, one in known.items() if one.effect is Effect.RESTART and not only_on_the_car(name)}
     assert free == {
-        "log.format", "process.stay_awake", "parameters.history",
+        "log.format", "process.rehearse", "process.stay_awake", "parameters.history",
         "recording.start", "recording.file_mb", "recording.after_s", "recording.raw",
     }  # fmt: skip
 
