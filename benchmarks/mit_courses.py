@@ -18,13 +18,14 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
+from wallride.runtime.map_files import read_settings
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab.cell import Cell
 from wallride.sim.lab.laws import drive_case
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun
 from wallride.sim.world.ball_contour import places
 from wallride.sim.world.grid import GridGeometry
-from wallride.sim.world.map_file import read_occupancy, read_settings
+from wallride.sim.world.map_file import read_occupancy
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import Floats, Pose, Side, side_sign
 
@@ -111,7 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--mu", type=float, default=0.8)
     options = parser.parse_args(arguments)
     settings = read_settings(options.map)
-    geometry = GridGeometry(read_occupancy(settings) > SOLID_ABOVE, settings.cell_m, settings.origin)
+    geometry = GridGeometry(read_occupancy(settings) > SOLID_ABOVE, settings.cell_m, Pose(*settings.origin))
     for name, course in COURSES.items():
         for law in ("ball", "prototype"):
             print(f"{name:22}{law:11}", _figures(course, geometry, law, options.seeds, options.mu), flush=True)

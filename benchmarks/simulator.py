@@ -28,12 +28,12 @@ from typing import Any, Final
 import numpy as np
 from PIL import Image
 
+from wallride.runtime.map_files import read_settings
 from wallride.sim.bench.medians import median_of
 from wallride.sim.car.vehicle import SpeedDemand, Vehicle
 from wallride.sim.world import compiled
 from wallride.sim.world.beams import LidarSettings, scan, true_ranges_m
 from wallride.sim.world.grid import GridGeometry
-from wallride.sim.world.map_file import read_settings
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import CAR, Floats, Pose
 from wallride.sim.world.segments import cast_walls

@@ -1,4 +1,4 @@
-"""Options of `wallride map` and `wallride line`. The code is imported when the command runs."""
+"""Options of `wallride map`, `wallride pose` and `wallride line`. The code is imported when the command runs."""
 
 import argparse
 import math
@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
 
 def add(commands: "Commands") -> None:
-    """Add both commands."""
+    """Add the commands."""
     _add_map(commands)
+    _add_pose(commands)
     line = commands.add_parser(
         "line",
         help="compute the race line of a map, with its lap time",
@@ -53,13 +54,34 @@ def _add_map(commands: "Commands") -> None:
     replay_options.add_recording(map_)
     map_.add_argument(
         "-o", dest="output", type=writable_path, metavar="MAP.yaml",
-        help="map to write; image, path and picture go beside it (default: the recording's name, here)",
+        help="map to write; image, path, walls and picture go beside it (default: the recording's name, here)",
     )  # fmt: skip
     map_.add_argument(
         "--open", action="store_true", help="the drive does not return to its beginning, and need not for a good map"
     )
     add_json(map_, "the figures")
     map_.set_defaults(run=partial(replay_options.run_offline, "wallride.sim.mapping.command"))
+
+
+def _add_pose(commands: "Commands") -> None:
+    pose = commands.add_parser(
+        "pose",
+        help="find where a recorded drive was on a map, scan by scan",
+        description="Finds the pose of a recorded drive on a map as the car itself does: where the map's lap began, or"
+        " else anywhere. Writes the poses and a picture, and says how well the scans fit. Exit code 1: the drive was"
+        " not found on the map; places that look alike are said, not guessed.",
+    )
+    replay_options.add_recording(pose)
+    pose.add_argument("map", type=Path, metavar="MAP.yaml", help="a map of `wallride map`, or any other ROS map")
+    pose.add_argument(
+        "-o", dest="output", type=writable_path, metavar="POSES.csv",
+        help="file to write; the picture goes beside it (default: the recording's name with .pose.csv, here)",
+    )  # fmt: skip
+    pose.add_argument(
+        "--anywhere", action="store_true", help="search the whole map, not first where the map's lap began"
+    )
+    add_json(pose, "the figures")
+    pose.set_defaults(run=partial(replay_options.run_offline, "wallride.sim.mapping.pose_command"))
 
 
 def _add_limits(line: argparse.ArgumentParser) -> None:

@@ -26,7 +26,7 @@ GROUPS: Final[Mapping[str, Sequence[str]]] = {
         "run", "teleop", "monitor", "status", "stop", "param", "logs", "record", "replay", "report", "plot", "topic",
         "foxglove", "own-parts", "completion",
     ),
-    "own laws and lab": ("new", "lab", "map", "line", "bench", "build-kernel"),
+    "own laws and lab": ("new", "lab", "map", "pose", "line", "bench", "build-kernel"),
     "fleet, and access over the network": ("cars", "race", "router", "keys"),
 }  # fmt: skip
 """By title, the commands in the order of the help; one that stands in no group is shown in a last one."""

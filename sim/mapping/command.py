@@ -9,9 +9,10 @@ from typing import Final
 
 from wallride.sim.mapping.closing import ClosedLap, close_lap
 from wallride.sim.mapping.lap_record import LapRecord, read_record
-from wallride.sim.mapping.map_output import path_of, save_map, save_picture
+from wallride.sim.mapping.map_output import ABOUT, path_of, save_map, save_picture
 from wallride.sim.mapping.raster import rasterized
 from wallride.sim.mapping.verdict import MapVerdict, judge_map
+from wallride.sim.mapping.walls import walls_of
 
 REFUSED: Final = 1
 """Exit code of a map that is not to be trusted; its files are written all the same, to look at."""
@@ -25,7 +26,8 @@ def run(options: argparse.Namespace) -> int:
     verdict = judge_map(record, lap, is_open=options.open)
     words = "good" if verdict.good else f"refused: {'; '.join(verdict.reasons)}"
     raster, path = rasterized(lap.frames, lap.poses, record.kind[1]), path_of(record, lap)
-    files = save_map(stem, raster, path, f"map by wallride of {record.name}, {words}")
+    scale = lap.car.scale if len(record.reports) else None
+    files = save_map(stem, raster, path, walls_of(lap, raster), scale, f"{ABOUT}{record.name}, {words}")
     picture = stem.with_name(f"{stem.name}.png")
     title = f"{record.name}: {verdict.way_m:.1f} m, {'good' if verdict.good else 'refused'}"
     save_picture(picture, raster, path, lap, title)

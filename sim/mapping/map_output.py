@@ -1,14 +1,16 @@
-"""The files of a map: `.yaml` and `.pgm` as ROS's map_server reads them, the path of the lap, and a picture.
+"""The files of a map: `.yaml` and `.pgm` as ROS's map_server reads them, the lap's path, the walls, and a picture.
 
 The path is text, `t_s; x_m; y_m; yaw_rad; speed_mps` of the rear axle in the map's frame, whose origin is where the
 recording began, x ahead. `wallride line` finds it beside the map.
 """
 
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
+from wallride.runtime.control.localization.wall_points import WallPoints
+from wallride.runtime.map_files import WALLS_SUFFIX, walls_text
 from wallride.sim.mapping.closing import ClosedLap
 from wallride.sim.mapping.lap_record import LapRecord
 from wallride.sim.mapping.odometry_path import of_the_axle
@@ -18,6 +20,8 @@ from wallride.sim.world.pose import Floats
 
 FREE, UNKNOWN, WALL = 254, 205, 0
 """Shades of map_saver."""
+ABOUT: Final = "map by wallride of "
+"""Begin of the comment in a map's files; the name of the recording follows."""
 COLUMNS: Final = ("t_s", "x_m", "y_m", "yaw_rad", "speed_mps")
 
 
@@ -31,9 +35,15 @@ def path_of(record: LapRecord, lap: ClosedLap) -> Floats:
     return np.column_stack([times_s - record.scan_s[0], axle, ahead])
 
 
-def save_map(stem: Path, raster: Raster, path: Floats, about: str) -> list[Path]:
-    """Write the grid and the path, and return the files. about: one sentence for both. Raises: OSError."""
-    image, yaml, way = (stem.with_name(stem.name + ending) for ending in (".pgm", ".yaml", PATH_SUFFIX))
+def save_map(
+    stem: Path, raster: Raster, path: Floats, walls: WallPoints, scale: float | None, about: str
+) -> list[Path]:
+    """Write the grid, the path and the walls, and return the files. Raises: OSError.
+
+    scale: of the wheels, None where nothing tells it. about: one sentence for all files.
+    """
+    endings = (".pgm", ".yaml", PATH_SUFFIX, WALLS_SUFFIX)
+    image, yaml, way, lines = (stem.with_name(stem.name + ending) for ending in endings)
     shades = np.where(raster.wall, WALL, np.where(raster.free, FREE, UNKNOWN)).astype(np.uint8)[::-1]
     image.write_bytes(f"P5\n{shades.shape[1]} {shades.shape[0]}\n255\n".encode() + shades.tobytes())
     yaml.write_text(
@@ -44,17 +54,23 @@ def save_map(stem: Path, raster: Raster, path: Floats, about: str) -> list[Path]
     )
     rows = ("; ".join(f"{value:.4f}" for value in row) for row in path.tolist())
     way.write_text("\n".join([f"# {about}", f"# {'; '.join(COLUMNS)}", *rows, ""]), encoding="utf-8")
-    return [yaml, image, way]
+    lines.write_text(walls_text(walls, scale, about), encoding="utf-8")
+    return [yaml, image, way, lines]
 
 
-def save_picture(file: Path, raster: Raster, path: Floats, lap: ClosedLap, title: str) -> None:
-    """Write a picture of the map with the path, coloured by speed, and the edges that close the loop."""
+def empty_picture() -> tuple[Any, Any]:
+    """Return a figure of matplotlib, and its axes."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10, 8), layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.subplots()
+    return figure, figure.subplots()
+
+
+def save_picture(file: Path, raster: Raster, path: Floats, lap: ClosedLap, title: str) -> None:
+    """Write a picture of the map with the path, coloured by speed, and the edges that close the loop."""
+    figure, axes = empty_picture()
     shades = np.where(raster.wall, 0.0, np.where(raster.free, 1.0, 0.75))
     x_m, y_m = raster.corner_m
     extent = (x_m, x_m + CELL_M * shades.shape[1], y_m, y_m + CELL_M * shades.shape[0])

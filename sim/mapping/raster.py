@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from wallride.runtime.control.localization.wall_points import MapCells
 from wallride.sim.mapping.keyframes import Keyframe
 from wallride.sim.world.pose import Booleans, Floats
 
@@ -48,6 +49,11 @@ def rasterized(frames: Sequence[Keyframe], poses: Floats, step_rad: float) -> Ra
     wall = (hits >= MIN_HITS) & (hits > WALL_SHARE * (hits + misses))
     free = (misses > 0) & ~wall
     return Raster((float(low[0]), float(low[1])), wall.reshape(shape), free.reshape(shape))
+
+
+def cells_of_raster(raster: Raster) -> MapCells:
+    """Return the grid as a map to find the pose on."""
+    return MapCells(raster.wall, raster.free, CELL_M, complex(*raster.corner_m))
 
 
 def _ends(frame: Keyframe, pose: Floats) -> Floats:

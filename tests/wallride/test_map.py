@@ -31,7 +31,13 @@ def test_a_recorded_lap_becomes_a_map_and_the_map_a_line(recordings, here, capsy
     said = capsys.readouterr().out
     assert "by wheels and steering, without a gyro" in said
     assert said.endswith("verdict: good\n")
-    assert sorted(file.name for file in here.iterdir()) == ["lab.path.csv", "lab.pgm", "lab.png", "lab.yaml"]
+    assert sorted(file.name for file in here.iterdir()) == [
+        "lab.path.csv",
+        "lab.pgm",
+        "lab.png",
+        "lab.walls.csv",
+        "lab.yaml",
+    ]
     _, area_m2 = read_geometry(here / "lab.yaml")
     assert area_m2 == pytest.approx(64.0, rel=0.06), "12 x 8 m less 8 x 4 m"
     assert cli.main(["line", "lab.yaml", "--json", "-"]) == 0

@@ -26,6 +26,7 @@ from pydantic import BaseModel, ValidationError
 
 from wallride.runtime.control.laws import LawStack, own_law_mistakes
 from wallride.runtime.control.own_laws.law_class import is_own, load_law
+from wallride.runtime.map_files import read_settings
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.car.vehicle_settings import VehicleSettings
 from wallride.sim.lab.cell import Figures
@@ -35,7 +36,6 @@ from wallride.sim.lab.laws import check
 from wallride.sim.scenario.obstacle_text import read_obstacle
 from wallride.sim.scenario.scenario_file import MAX_START_TO_WALL_M
 from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, Case, SimulatedRun, drive
-from wallride.sim.world.map_file import read_settings
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import Pose, Side
 from wallride.sim.world.worlds import is_map, load_world

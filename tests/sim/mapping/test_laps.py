@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.maps import MAX_M, RMS_M, MapDrive, errors_m, recorded
+from benchmarks.racing.maps import MAX_M, RMS_M, MapDrive, errors_m, recorded
 from wallride.sim.mapping.closing import close_lap
 from wallride.sim.mapping.verdict import judge_map
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from wallride.runtime.map_files import read_settings
 from wallride.sim.world import compiled
 from wallride.sim.world.grid import GridGeometry
-from wallride.sim.world.map_file import load_map, read_occupancy, read_settings
+from wallride.sim.world.map_file import load_map, read_occupancy
 from wallride.sim.world.pose import Pose
 
 MAPS = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "maps"
@@ -65,7 +66,7 @@ def test_the_same_map_gives_the_same_start_with_and_without_a_compiler(name):
 def test_resolutions_and_origins_as_written(name, cell_m, corner):
     settings = read_settings(shared_map(name))
     assert settings.cell_m == pytest.approx(cell_m)
-    assert (settings.origin.x_m, settings.origin.y_m) == pytest.approx(corner)
+    assert settings.origin[:2] == pytest.approx(corner)
 
 
 def test_levines_grey_outside_is_not_drivable_although_its_threshold_says_free():

@@ -1,6 +1,6 @@
 """Maps of one simulated lap against the truth, and maps of broken recordings, which must be refused or corrected.
 
-Run: python -m benchmarks.maps --data DATA
+Run: python -m benchmarks.racing.maps --data DATA
 
 Each drive is a lap along the wall and LATER_M more, with the default laws: ranges with 20 mm of noise and 2 % of
 outliers, the sweep skewed by the motion, wheels that report 3 % too much, a steering trim of 0.02 rad, a gyro with a
@@ -84,7 +84,7 @@ class Taker:
 
 def recorded(lap: MapDrive, data: Path) -> tuple[LapRecord, Floats]:
     """Return the recording of a drive, and the true poses of the rear axle at its scans, (n, 3)."""
-    world = _world(lap.place, data)
+    world = world_of(lap.place, data)
     desired_m = min(1.0, world.room_m)
     follower, guard = build("ball", world.side, desired_m, lap.speed_mps)
     taker = Taker(follower)
@@ -105,7 +105,8 @@ def recorded(lap: MapDrive, data: Path) -> tuple[LapRecord, Floats]:
     return _flawed(record, run.pose, lap.flaw)
 
 
-def _world(place: str, data: Path) -> World:
+def world_of(place: str, data: Path) -> World:
+    """Return a world by its name, or that of a map of the data."""
     if place == COLONNADE:
         return _colonnade()
     return load_world(place if ":" in place or place == "loop" else data / "maps" / f"{place}.yaml")

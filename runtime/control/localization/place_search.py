@@ -1,0 +1,154 @@
+"""The places on a map at which a scan fits: around one that was told, or anywhere."""
+
+import cmath
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from wallride.runtime.control.localization.line_field import LineField
+from wallride.runtime.control.localization.pose_filter import PoseFilter
+from wallride.runtime.control.localization.scan_points import ScanPoints
+from wallride.runtime.control.perception.geometry import Floats, Places
+
+STEP_M, STEP_RAD = 0.25, math.radians(5.0)
+BEAMS: Final = 60
+SEEN_M: Final = 10.0
+"""Farther ends of beams are not looked up."""
+WALL_M: Final = 0.2
+"""Least distance of a car's middle from a wall."""
+AROUND_M, AROUND_RAD = 0.8, math.radians(30.0)
+AROUND_STEP_M: Final = 0.2
+KEPT: Final = 200
+"""Best places that are kept of a search, and those of them, apart from each other, that scans are laid over."""
+REFINED: Final = 12
+APART_M, APART_RAD = 0.5, math.radians(20.0)
+PRIOR_M, PRIOR_RAD = 0.2, math.radians(6.0)
+FINE_M: Final = 0.06
+"""Width within which the ends of beams are near their wall, for the comparison of refined places."""
+ALIKE: Final = 0.95
+"""A second place with this share of the best one's nearness is as likely."""
+BEFORE_WALL: Final = 0.1
+"""Nearness below which a beam that ends in free space ends before its wall."""
+LOOK_UPS: Final = 150_000
+"""Look-ups of one part of a search: about 1.5 ms on a laptop."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A pose on the map at which a scan fits. score: mean nearness of its beams to a wall, 0 to 1."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    score: float
+
+    def is_apart(self, other: "Place") -> bool:
+        """Return whether another place is not the same one."""
+        away_m = math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
+        return away_m > APART_M or abs(math.remainder(self.yaw_rad - other.yaw_rad, math.tau)) > APART_RAD
+
+
+class PlaceSearch:
+    """Searches on one map; what it needs of the map is computed once."""
+
+    def __init__(self, field: LineField, wheelbase_m: float) -> None:
+        self._field = field
+        self._wheelbase_m = wheelbase_m
+        nearness = field.nearness.reshape(field.rows, field.columns)
+        # Beams that leave the map on a side come out in this margin, which is far from all walls.
+        self._width = field.columns + int(SEEN_M / field.cell_m) + 1
+        padded = np.zeros((field.rows, self._width), dtype=np.float32)
+        padded[:, : field.columns] = nearness
+        self._nearness = padded.ravel()
+        self._everywhere = self._free_places(nearness)
+
+    def around(self, points: ScanPoints, x_m: float, y_m: float, yaw_rad: float) -> list[Place]:
+        """Return the places within AROUND_M and AROUND_RAD of one, the best first; that one where none is better."""
+        steps_m: Floats = np.arange(-AROUND_M, AROUND_M + 1e-9, AROUND_STEP_M)
+        places = np.empty(steps_m.size**2, np.complex128)
+        places.real, places.imag = x_m + np.repeat(steps_m, steps_m.size), y_m + np.tile(steps_m, steps_m.size)
+        yaws = yaw_rad + np.arange(-AROUND_RAD, AROUND_RAD + 1e-9, STEP_RAD)
+        rough = [place for yaw in yaws for place in self._scored(points, places, float(yaw))]
+        told = self._laid(points, Place(x_m, y_m, yaw_rad, 0.0))
+        found = self._refined(points, rough)
+        if found and told.score >= ALIKE * found[0].score:
+            return [told]
+        return found
+
+    def anywhere(self, points: ScanPoints) -> Iterator[list[Place] | None]:
+        """Search all free places: yield None after each part of the search, and the places, the best first, at last."""
+        rough: list[Place] = []
+        at_once = max(1, LOOK_UPS // BEAMS)
+        for yaw in np.arange(-math.pi, math.pi, STEP_RAD):
+            for first in range(0, self._everywhere.size, at_once):
+                rough += self._scored(points, self._everywhere[first : first + at_once], float(yaw))
+                yield None
+            rough = sorted(rough, key=lambda place: -place.score)[:KEPT]
+        yield self._refined(points, rough)
+
+    def _free_places(self, nearness: npt.NDArray[np.float32]) -> Places:
+        field = self._field
+        every = max(1, round(STEP_M / field.cell_m))
+        free = field.free.reshape(field.rows, field.columns) & (nearness < math.exp(-((WALL_M / 0.2) ** 2)))
+        row, column = np.nonzero(free[::every, ::every])
+        there = field.corner_m + field.cell_m * (every * (column + 1j * row) + 0.5 + 0.5j)
+        return np.asarray(there, np.complex128)
+
+    def _scored(self, points: ScanPoints, places: Places, yaw_rad: float) -> list[Place]:
+        """Return the best of some places with one heading."""
+        field = self._field
+        near = points.places_m[np.abs(points.places_m) < SEEN_M]
+        if not near.size or not places.size:
+            return []
+        arms = near[:: max(1, near.size // BEAMS)] * cmath.exp(1j * yaw_rad)
+        inside = (places - field.corner_m) / field.cell_m
+        cells = np.floor(inside.imag).astype(np.int64) * self._width + np.floor(inside.real).astype(np.int64)
+        shifts = np.rint(arms / field.cell_m)
+        ends = cells[:, None] + (shifts.imag.astype(np.int64) * self._width + shifts.real.astype(np.int64))
+        scores = self._nearness.take(ends, mode="clip").mean(axis=1)
+        best = np.argsort(-scores, kind="stable")[: KEPT // 10]
+        return [
+            Place(float(places[index].real), float(places[index].imag), yaw_rad, float(scores[index])) for index in best
+        ]
+
+    def _refined(self, points: ScanPoints, rough: list[Place]) -> list[Place]:
+        """Return the best places that are apart from each other, with the scan laid over the map."""
+        chosen: list[Place] = []
+        for place in sorted(rough, key=lambda place: -place.score):
+            if len(chosen) < REFINED and all(place.is_apart(other) for other in chosen):
+                chosen.append(place)
+        found: list[Place] = []
+        for place in sorted((self._laid(points, place) for place in chosen), key=lambda place: -place.score):
+            if all(place.is_apart(other) for other in found):
+                found.append(place)
+        return found
+
+    def _laid(self, points: ScanPoints, place: Place) -> Place:
+        filter_ = PoseFilter(self._field, self._wheelbase_m)
+        filter_.state[:3] = place.x_m, place.y_m, place.yaw_rad
+        for std_m in (PRIOR_M, 0.5 * PRIOR_M):
+            x_m, y_m, yaw_rad = filter_.state[:3].tolist()
+            filter_.place(x_m, y_m, yaw_rad, std_m, PRIOR_RAD * std_m / PRIOR_M)
+            filter_.correct(points)
+        x_m, y_m, yaw_rad = filter_.state[:3].tolist()
+        return Place(x_m, y_m, yaw_rad, nearness_at(self._field, points, filter_.state))
+
+
+def nearness_at(field: LineField, points: ScanPoints, pose: Floats) -> float:
+    """Return the mean nearness of a scan's beams to their walls at a pose, 0 to 1: exp(-(distance / FINE_M)^2).
+
+    Beams that end in free space, at a person, count half.
+    """
+    if not points.places_m.size:
+        return 0.0
+    turn = cmath.exp(1j * float(pose[2]))
+    places = points.places_m * turn + complex(float(pose[0]), float(pose[1]))
+    lines = field.lines_at(places, points.ahead * turn)
+    off_m = (field.normals[lines].conj() * places).real - field.offsets_m[lines]
+    near = np.exp(-((off_m / FINE_M) ** 2))
+    before = (near < BEFORE_WALL) & field.free.take(field.cells_at(places))
+    return float(np.sum(near) / (near.size - 0.5 * np.count_nonzero(before)))

@@ -1,0 +1,239 @@
+"""A pose on a map and what is learnt of the car's errors: predicted by wheels and steering, corrected by each scan.
+
+Six states: x [m], y [m], yaw [rad] of the rear axle on the map; its turn [rad/s]; true way over reported way; and the
+slip of the rear axle [s2/m], which moves aside by slip * speed^2 * turn. The turn follows the steering as a car with
+inertia and tyres does; that the steering is trimmed wrongly matters little, since each scan tells the turn. A scan is
+laid over the map by at most STEPS Gauss-Newton steps with the prediction as prior; what that moves the pose by moves
+the other states with it.
+"""
+
+import cmath
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from wallride.runtime.control.localization.line_field import LineField
+from wallride.runtime.control.localization.scan_points import ScanPoints
+from wallride.runtime.control.perception.geometry import Floats, Places
+
+STEPS: Final = 5
+ENOUGH_M, ENOUGH_RAD = 0.001, 0.0005
+KERNEL_M: Final = 0.05
+"""Width of the kernel that takes the weight of beams far from their wall, where the prediction is exact."""
+FITS_M: Final = 0.12
+"""Distance from its wall up to which a beam fits."""
+BEAM_STD_M, BEAMS_ALIKE = 0.05, 40.0
+"""Beams share the map's errors: all of a scan together count as so many independent ones with this deviation."""
+WEAK_SHARE: Final = 0.04
+"""Least ratio of the information in the two directions of the plane; below it the wheels have the weaker one."""
+FACES: Final = 0.35
+"""Least component of a normal along a direction that counts as information on it: noise turns normals by less."""
+WAY_SHARE, ASIDE_SHARE, STILL_M = 0.04, 0.04, 0.002
+SLIP_SHARE: Final = 1.0
+STILL_RAD: Final = 0.002
+"""Standard deviations of a step: shares of its way and of its slip aside, and what a standing car has."""
+TURN_LAG_S: Final = 0.1
+"""Time in which a car's turn follows its steering: servo, tyres and inertia."""
+TURN_STD_RADPS, TURN_SHARE = 0.5, 1.0
+"""Standard deviation of the turn from scan to scan of a moving car: a constant, and a share of what it changes by."""
+TURN_FIRST_RADPS: Final = 1.0
+"""Standard deviation of the turn of a car that was just found."""
+SLIDES_SHARE: Final = 0.35
+"""Standard deviation of the way while the wheels are locked, as a share of it."""
+SCALE_STD, SLIP_S2PM, SLIP_STD_S2PM = 0.02, 0.028, 0.01
+SCALE_WALK, SLIP_WALK_S2PM = 1e-4, 1e-4
+"""Standard deviations of the car's errors at first, and by how much they change from scan to scan."""
+
+
+@dataclass(frozen=True, slots=True)
+class WheelStep:
+    """What wheels and steering say of the time since the last scan.
+
+    way_m, speed_mps: as reported. steering_rad: of the wheels, None where it is not known: the turn goes on then.
+    slides: the wheels are locked, the way is a guess.
+    """
+
+    since_s: float
+    way_m: float
+    speed_mps: float
+    steering_rad: float | None
+    slides: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """How a scan fits the map: beams that end on a wall, in known free space before one, or where nothing can be seen.
+
+    determined: the ratio of the information in the two directions; below WEAK_SHARE the wheels have the weaker one.
+    """
+
+    on_wall: int
+    before: int
+    beyond: int
+    determined: float
+
+    @property
+    def share(self) -> float:
+        """Return the share of beams on a wall: one that ends before it, at a person, counts half, NaN without beams."""
+        told = self.on_wall + 0.5 * self.before + self.beyond
+        return self.on_wall / told if told else math.nan
+
+
+class PoseFilter:
+    """The pose of the rear axle on a map, `state` (6,) with its `covariance` (6, 6)."""
+
+    def __init__(self, field: LineField, wheelbase_m: float, scale: float = 1.0) -> None:
+        self._field = field
+        self._wheelbase_m = wheelbase_m
+        self.state = np.array([0.0, 0.0, 0.0, 0.0, scale, SLIP_S2PM])
+        self.covariance = np.diag([0.0, 0.0, 0.0, 0.0, SCALE_STD**2, SLIP_STD_S2PM**2])
+
+    @property
+    def scale(self) -> float:
+        """Return the true way over the reported one."""
+        return float(self.state[4])
+
+    def place(self, x_m: float, y_m: float, yaw_rad: float, std_m: float, std_rad: float) -> None:
+        """Set the pose down somewhere; what is known of the car's errors remains."""
+        self.state[:4] = x_m, y_m, yaw_rad, 0.0
+        errors = np.diag(self.covariance)[4:]
+        self.covariance = np.diag([std_m**2, std_m**2, std_rad**2, TURN_FIRST_RADPS**2, *errors])
+
+    def speeds(self, step: WheelStep) -> tuple[float, float, float]:
+        """Return the speed ahead [m/s], the one to the left, and the turn [rad/s] that are expected of a step."""
+        _, turn_radps, scale, slip = self.state[2:].tolist()
+        ahead_mps = scale * step.speed_mps
+        asked_radps, follows = self._asked(step)
+        turn_radps += 0.5 * follows * (asked_radps - turn_radps)
+        return ahead_mps, -slip * ahead_mps**2 * turn_radps, turn_radps
+
+    def _asked(self, step: WheelStep) -> tuple[float, float]:
+        """Return the turn that the steering asks for [rad/s], and by which share the car follows within the step."""
+        if step.steering_rad is None:
+            return float(self.state[3]), 0.0
+        asked_radps = float(self.state[4]) * step.speed_mps * math.tan(step.steering_rad) / self._wheelbase_m
+        return asked_radps, 1.0 - math.exp(-step.since_s / TURN_LAG_S)
+
+    def predict(self, step: WheelStep) -> None:
+        """Move the pose by what wheels and steering say."""
+        yaw_rad, turn_radps, scale, slip = self.state[2:].tolist()
+        asked_radps, follows = self._asked(step)
+        change_radps = follows * (asked_radps - turn_radps)
+        way_m, speed2 = scale * step.way_m, (scale * step.speed_mps) ** 2
+        turn_rad = (turn_radps + 0.5 * change_radps) * step.since_s
+        aside_m = -slip * speed2 * turn_rad
+        cos, sin = math.cos(yaw_rad + 0.5 * turn_rad), math.sin(yaw_rad + 0.5 * turn_rad)
+        dx_m, dy_m = cos * way_m - sin * aside_m, sin * way_m + cos * aside_m
+        self.state[:4] += (dx_m, dy_m, turn_rad, change_radps)
+        by_turn = (1.0 - 0.5 * follows) * step.since_s
+        moves = np.eye(6)
+        moves[0, 2], moves[1, 2] = -dy_m, dx_m
+        moves[0, 3], moves[1, 3], moves[2, 3] = -0.5 * by_turn * dy_m, 0.5 * by_turn * dx_m, by_turn
+        moves[3, 3] = 1.0 - follows
+        moves[0, 4], moves[1, 4] = dx_m / scale, dy_m / scale
+        moves[0, 5], moves[1, 5] = sin * speed2 * turn_rad, -cos * speed2 * turn_rad
+        self.covariance = moves @ self.covariance @ moves.T
+        self._blur(step, way_m, change_radps, complex(cos, sin), aside_m)
+
+    def _blur(self, step: WheelStep, way_m: float, change_radps: float, ahead: complex, slide_m: float) -> None:
+        """Add what a step leaves open: along the way, aside, in heading and turn."""
+        covariance, cos, sin = self.covariance, ahead.real, ahead.imag
+        along = ((SLIDES_SHARE if step.slides else WAY_SHARE) * way_m) ** 2 + STILL_M**2
+        aside = (ASIDE_SHARE * way_m) ** 2 + (SLIP_SHARE * slide_m) ** 2 + STILL_M**2
+        covariance[0, 0] += cos * cos * along + sin * sin * aside
+        covariance[1, 1] += sin * sin * along + cos * cos * aside
+        covariance[0, 1] += cos * sin * (along - aside)
+        covariance[1, 0] += cos * sin * (along - aside)
+        covariance[2, 2] += STILL_RAD**2
+        if step.way_m:
+            covariance[3, 3] += TURN_STD_RADPS**2 + (TURN_SHARE * change_radps) ** 2
+            covariance[4, 4] += SCALE_WALK**2
+            covariance[5, 5] += SLIP_WALK_S2PM**2
+
+    def correct(self, points: ScanPoints) -> Fit:
+        """Lay a scan over the map, and return how it fits."""
+        before = self.covariance[:3, :3]
+        prior = np.linalg.inv(before)
+        pose, told = self.state[:3].copy(), self.state[:3]
+        kernel_m2: Floats | None = None
+        scan = _Laid.at(self._field, points, pose)
+        for _ in range(STEPS):
+            if kernel_m2 is None:
+                doubt_m2 = 4.0 * np.einsum("ij,ij->j", scan.slopes, before @ scan.slopes)
+                doubt_m2[points.alone] = 0.0
+                kernel_m2 = KERNEL_M**2 + doubt_m2
+            information, pull, determined = scan.information(kernel_m2)
+            move = np.linalg.solve(prior + information, -(pull + prior @ (pose - told)))
+            pose += move
+            scan = _Laid.at(self._field, points, pose)
+            if abs(move[0]) + abs(move[1]) < ENOUGH_M and abs(move[2]) < ENOUGH_RAD:
+                break
+        self._take(pose - told, prior, np.asarray(np.linalg.inv(prior + information), np.float64))
+        return scan.fit(determined)
+
+    def _take(self, move: Floats, prior: Floats, after: Floats) -> None:
+        """Move all states by what a scan has moved the pose by, and leave the pose the covariance `after`."""
+        gain = self.covariance[:, :3] @ prior
+        self.state += gain @ move
+        self.state[2] = math.remainder(self.state[2], math.tau)
+        before = self.covariance[:3, :3]
+        self.covariance = self.covariance - gain @ (before - after) @ gain.T
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Laid:
+    """A scan at a pose: distances from the walls, and how they change with the pose, (3, n)."""
+
+    field: LineField
+    places_m: Places
+    off_m: Floats
+    slopes: Floats
+
+    @staticmethod
+    def at(field: LineField, points: ScanPoints, pose: Floats) -> "_Laid":
+        turn = cmath.exp(1j * float(pose[2]))
+        arms = points.places_m * turn
+        places = arms + complex(float(pose[0]), float(pose[1]))
+        lines = field.lines_at(places, points.ahead * turn)
+        normals = field.normals.take(lines)
+        slopes = np.empty((3, lines.size))
+        x, y = slopes[0], slopes[1]
+        x[:], y[:] = normals.real, normals.imag
+        np.multiply(arms.real, y, out=slopes[2])
+        slopes[2] -= arms.imag * x
+        off_m = places.real * x
+        off_m += places.imag * y
+        off_m -= field.offsets_m.take(lines)
+        return _Laid(field, places, off_m, slopes)
+
+    def information(self, kernel_m2: Floats) -> tuple[Floats, Floats, float]:
+        """Return the information on the pose (3, 3), its pull (3,), and how much of it is in the weaker direction."""
+        weights = self.off_m * self.off_m
+        weights /= kernel_m2
+        weights += 1.0
+        weights *= weights
+        np.divide(min(1.0, BEAMS_ALIKE / max(1, weights.size)) / BEAM_STD_M**2, weights, out=weights)
+        weighted = self.slopes * weights
+        information, pull = weighted @ self.slopes.T, weighted @ self.off_m
+        (a, b, _), (_, d, _) = information[:2].tolist()
+        if a + d <= 0.0:
+            return np.zeros((3, 3)), np.zeros(3), 0.0
+        weak_rad = 0.5 * math.atan2(2.0 * b, a - d) + 0.5 * math.pi  # direction of the least information
+        ux, uy = math.cos(weak_rad), math.sin(weak_rad)
+        toward = ux * self.slopes[0] + uy * self.slopes[1]
+        toward *= np.abs(toward) > FACES
+        strongest = 0.5 * (a + d) + math.hypot(0.5 * (a - d), b)
+        determined = float((weights * toward) @ toward) / strongest
+        if determined < WEAK_SHARE:
+            strong = np.array([[uy * uy, -ux * uy, 0.0], [-ux * uy, ux * ux, 0.0], [0.0, 0.0, 1.0]])
+            information, pull = strong @ information @ strong, strong @ pull
+        return information, pull, determined
+
+    def fit(self, determined: float) -> Fit:
+        on_wall = np.abs(self.off_m) < FITS_M
+        count = int(np.count_nonzero(on_wall))
+        free = self.field.free.take(self.field.cells_at(self.places_m))
+        before = int(np.count_nonzero(free & ~on_wall))
+        return Fit(count, before, self.off_m.size - count - before, determined)

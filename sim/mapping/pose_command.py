@@ -1,0 +1,150 @@
+"""`wallride pose`: where a recorded drive was on a map, scan by scan, as a file, a picture and figures."""
+
+import argparse
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from wallride.runtime.control.localization.localizer import Whereabouts
+from wallride.runtime.map_files import WALLS_SUFFIX, CarMap, MapError, read_map
+from wallride.sim.mapping.lap_record import LapRecord, read_record
+from wallride.sim.mapping.map_output import ABOUT, empty_picture
+from wallride.sim.mapping.poses import PoseTrack, track
+from wallride.sim.racing.ring import driven_path
+from wallride.sim.recordings import RecordingError
+from wallride.sim.world.map_file import read_occupancy
+from wallride.sim.world.pose import Floats
+
+NOT_LOCATED: Final = 1
+"""Exit code of a drive of which nothing was found on the map."""
+SHOWN_CM: Final = 10.0
+"""Standard deviation from which on the picture's colour is the same."""
+COLUMNS: Final = ("t_s", "x_m", "y_m", "yaw_rad", "std_m", "fits", "whereabouts")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Find the poses and write them; RecordingError for what the user can correct."""
+    try:
+        known = read_map(options.map, read_occupancy)
+    except MapError as error:
+        raise RecordingError(str(error)) from error
+    record = read_record(options.file, options.topic)
+    found = track(record, known, None if options.anywhere else known.start)
+    told = figures(found, _of_the_map(record, options.map))
+    output: Path = options.output or Path(f"{options.file.stem}.pose.csv")
+    picture = output.with_suffix(".png")
+    output.write_text(text_of(found, f"pose by wallride of {record.name} on {known.name}"), encoding="utf-8")
+    save_picture(picture, known, found, f"{record.name} on {known.name}")
+    if options.json == "-":
+        print(json.dumps(told))  # noqa: T201 - this is the command's answer
+    else:
+        if options.json is not None:
+            Path(options.json).write_text(json.dumps(told) + "\n", encoding="utf-8")
+        for line in (*summary(record, known, found, told), f"written: {output}, {picture}"):
+            print(line)  # noqa: T201
+    return 0 if told["located"] else NOT_LOCATED
+
+
+def figures(found: PoseTrack, path: Floats | None) -> dict[str, Any]:
+    """Return the figures of a drive by name. path: (n, 4) time [s] and pose of the map's lap, if it is this drive."""
+    located = found.located
+    told: dict[str, Any] = {
+        "scans": len(found.estimates), "located": int(located.sum()), "way_m": round(found.way_m, 2),
+        "losses_s": [round(time_s, 2) for time_s in found.losses_s], "scale": round(found.scale, 4),
+    }  # fmt: skip
+    if located.any():
+        std_m, share = (
+            np.array([getattr(one, name) for one in found.estimates])[located] for name in ("std_m", "share")
+        )
+        told |= {
+            "std_m": round(float(np.median(std_m)), 4), "largest_std_m": round(float(std_m.max()), 4),
+            "fits": round(float(np.nanmedian(share)), 3), "fits_p1": round(float(np.nanpercentile(share, 1)), 3),
+        }  # fmt: skip
+    if path is not None and located.any():
+        there = np.interp(path[:, 0], found.time_s, found.poses[:, 0] + 1j * found.poses[:, 1])
+        off_m = np.abs(there - (path[:, 1] + 1j * path[:, 2]))
+        told |= {
+            "off_path_rms_m": round(float(np.sqrt(np.nanmean(off_m**2))), 4),
+            "off_path_p99_m": round(float(np.nanpercentile(off_m, 99)), 4),
+        }  # fmt: skip
+    return told
+
+
+def summary(record: LapRecord, known: CarMap, found: PoseTrack, told: dict[str, Any]) -> Iterator[str]:
+    """Yield the figures in sentences."""
+    scans, located = told["scans"], told["located"]
+    yield f"{record.name} on {known.name}: located at {located} of {scans} scans, {told['way_m']:.1f} m of way"
+    if not located:
+        yield from _nowhere(found)
+        return
+    yield (
+        f"{100 * told['fits']:.0f} % of the beams fit the map (median; 1 % of scans: at most"
+        f" {100 * told['fits_p1']:.0f} %); the position is known to {100 * told['std_m']:.1f} cm in the median, to"
+        f" {100 * told['largest_std_m']:.0f} cm at worst"
+    )
+    if len(record.reports):
+        yield f"the wheels report {100 / told['scale'] - 100:+.1f} % of way"
+    if told["losses_s"]:
+        yield f"lost at {', '.join(f'{time_s:.1f} s' for time_s in told['losses_s'])}"
+    if "off_path_rms_m" in told:
+        yield (
+            f"off the path of the map, which is of this drive: {100 * told['off_path_rms_m']:.1f} cm rms,"
+            f" {100 * told['off_path_p99_m']:.1f} cm at 99 % of its places"
+        )
+
+
+def text_of(found: PoseTrack, about: str) -> str:
+    """Return the file: a row for each scan, NaN where the car was not located."""
+    rows = (
+        f"{time_s:.4f}; {one.x_m:.4f}; {one.y_m:.4f}; {one.yaw_rad:.5f}; {one.std_m:.4f}; {one.share:.3f};"
+        f" {one.whereabouts}"
+        for time_s, one in zip(found.time_s.tolist(), found.estimates, strict=True)
+    )
+    return "\n".join([f"# {about}", f"# {'; '.join(COLUMNS)}", *rows, ""])
+
+
+def save_picture(file: Path, known: CarMap, found: PoseTrack, title: str) -> None:
+    """Write a picture of the map's walls with the poses, coloured by how exactly they are known."""
+    figure, axes = empty_picture()
+    field = known.field
+    shades = np.where(field.free.reshape(field.rows, field.columns), 1.0, 0.85)
+    x_m, y_m = field.corner_m.real, field.corner_m.imag
+    extent = (x_m, x_m + field.cell_m * field.columns, y_m, y_m + field.cell_m * field.rows)
+    axes.imshow(shades, cmap="gray", vmin=0.0, vmax=1.0, origin="lower", extent=extent)
+    axes.imshow(
+        np.ma.masked_less(field.nearness.reshape(field.rows, field.columns), 0.9), cmap="gray_r", vmin=0.0, vmax=1.0,
+        origin="lower", extent=extent,
+    )  # fmt: skip
+    std_cm = np.array([100 * one.std_m for one in found.estimates])
+    drawn = axes.scatter(found.poses[:, 0], found.poses[:, 1], c=std_cm, s=5, cmap="viridis", vmin=0.0, vmax=SHOWN_CM)
+    first = int(np.argmax(found.located))
+    heading_deg = math.degrees(found.poses[first, 2]) - 90.0 if found.located.any() else 0.0
+    axes.plot(found.poses[first, 0], found.poses[first, 1], marker=(3, 0, heading_deg), color="tab:red", markersize=12)
+    figure.colorbar(drawn, label="standard deviation of the position [cm]")
+    axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
+    figure.savefig(file, dpi=120)
+
+
+def _nowhere(found: PoseTrack) -> Iterator[str]:
+    last = found.estimates[-1]
+    if last.whereabouts is Whereabouts.AMBIGUOUS:
+        places = ", ".join(f"({x_m:.1f} m, {y_m:.1f} m, {math.degrees(yaw):.0f} deg)" for x_m, y_m, yaw in last.alike)
+        yield f"these places look alike, and nothing decides between them: {places}"
+    else:
+        yield "the scans fit no place of the map: is it another building, or scaled wrongly?"
+
+
+def _of_the_map(record: LapRecord, map_file: Path) -> Floats | None:
+    """Return time and poses of the map's lap, (n, 4), if the map is of this drive."""
+    walls, path = map_file.with_name(map_file.stem + WALLS_SUFFIX), driven_path(map_file)
+    if path is None or not walls.is_file():
+        return None
+    with path.open(encoding="utf-8", errors="replace") as file:
+        if not file.readline().startswith(f"# {ABOUT}{record.name}, "):
+            return None
+    rows = np.loadtxt(path, delimiter=";", ndmin=2)
+    return rows[:, :4]

@@ -1,0 +1,71 @@
+"""The field of lines: distances from walls are exact, signed, and of the face that is seen."""
+
+import numpy as np
+import pytest
+
+from tests.runtime.control.localization.rooms import CELL_M, Room, ring
+from wallride.runtime.control.localization.line_field import NOWHERE_M, field_of_cells
+from wallride.runtime.control.localization.wall_points import MapCells, WallPoints, lines_through
+
+
+def off_m(field, place, ahead):
+    """Return the distance of a point from the wall that a beam meets there."""
+    places, aheads = np.array([place], np.complex128), np.array([ahead], np.complex128)
+    line = field.lines_at(places, aheads)
+    return float((field.normals[line].conj() * places).real[0] - field.offsets_m[line][0])
+
+
+@pytest.mark.parametrize("off", [-0.2, -0.03, 0.0, 0.01, 0.3])
+def test_the_distance_from_a_straight_wall_is_exact_and_signed(off):
+    field = field_of_cells(ring().cells)
+    assert off_m(field, 5.0 - 1j + 1j * off, -1j) == pytest.approx(off, abs=1e-6)
+    assert off_m(field, 11.0 + 2j - off, 1.0) == pytest.approx(off, abs=1e-6)
+
+
+def test_a_thin_wall_is_seen_from_both_sides():
+    room = Room([(0.0, 0.0, 6.0, 2.0), (0.0, 2.1, 6.0, 4.0)])
+    field = field_of_cells(room.cells)
+    for shift in (-0.04, 0.0, 0.07):
+        assert off_m(field, 3.0 + 2.0j + 1j * shift, 1j) == pytest.approx(-shift, abs=1e-6), "from below"
+        assert off_m(field, 3.0 + 2.1j + 1j * shift, -1j) == pytest.approx(shift, abs=1e-6), "from above"
+
+
+@pytest.mark.parametrize("turn_deg", [10.0, 30.0, 44.0, 80.0])
+def test_the_steps_of_a_slanting_wall_become_a_line(turn_deg):
+    """The true line runs through the middles of the steps, half a cell off the drawn one at most."""
+    turn = np.exp(1j * np.radians(turn_deg))
+    row, column = np.mgrid[0:160, 0:160]
+    across = ((column + 0.5 + 1j * (row + 0.5)) * CELL_M - (4 + 4j)) / turn
+    wall = across.imag > 0
+    field = field_of_cells(MapCells(wall, ~wall, CELL_M, 0j))
+    errors = [off_m(field, 4 + 4j + turn * along, 1j * turn) for along in np.linspace(-1.5, 1.5, 40)]
+    assert np.std(errors) < 0.012
+    assert np.abs(np.mean(errors)) < 0.5 * CELL_M
+
+
+def test_far_from_walls_and_off_the_map_there_is_no_line():
+    field = field_of_cells(Room([(0.0, 0.0, 8.0, 8.0)]).cells)
+    for place in (4 + 4j, 400.0 + 0j, -300.0 - 300j):
+        assert off_m(field, place, 1.0) < -0.9 * NOWHERE_M
+
+
+def test_noise_of_points_is_averaged_out():
+    rng = np.random.default_rng(1)
+    along = np.linspace(0.0, 5.0, 2000)
+    places = along + 1j * rng.normal(0.0, 0.01, along.size)
+    lines = lines_through(WallPoints(places, np.full(along.size, -1j)), CELL_M)
+    inner = (lines.places_m.real > 0.3) & (lines.places_m.real < 4.7)
+    assert np.abs(lines.places_m.imag[inner]).max() < 0.004
+    assert np.degrees(np.abs(np.angle(lines.normals[inner] * 1j))).max() < 4.0
+
+
+def test_a_map_without_walls_and_one_too_large_are_told():
+    empty = np.zeros((40, 40), dtype=bool)
+    with pytest.raises(ValueError, match="no wall that borders on free cells"):
+        field_of_cells(MapCells(empty, ~empty, CELL_M, 0j))
+    wall = np.zeros((2, 9000), dtype=bool)
+    wall[0, [0, -1]] = True
+    with pytest.raises(ValueError, match="is too large"):
+        field_of_cells(
+            MapCells(np.kron(wall, np.ones((3000, 1), bool)), np.kron(~wall, np.ones((3000, 1), bool)), 0.05, 0j)
+        )

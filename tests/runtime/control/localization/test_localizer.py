@@ -1,0 +1,158 @@
+"""Found, kept, lost, found again; and never guessed."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.runtime.control.localization.rooms import BEAMS, report, ring
+from wallride.runtime.control.localization.line_field import field_of_cells
+from wallride.runtime.control.localization.localizer import LOST_SCANS, Localizer, Whereabouts
+from wallride.runtime.control.vehicle import CarSettings
+
+CAR = CarSettings()
+PERIOD_S = 0.025
+START = (0.0, 0.0, 0.0)
+ELSEWHERE = (10.0, 3.0, 1.5)
+CORNER = (9.8, 5.9, -0.7)
+WHOLE = 1_000_000
+BOXES = [(4.0, -1.0, 4.6, -0.5), (10.4, 4.0, 11.0, 5.2)]
+"""Furniture that breaks the symmetry of the ring."""
+
+
+@pytest.fixture(scope="module")
+def plain():
+    room = ring()
+    return room, field_of_cells(room.cells)
+
+
+@pytest.fixture(scope="module")
+def furnished():
+    room = ring(BOXES)
+    return room, field_of_cells(room.cells)
+
+
+def stand(localizer, room, pose, *, scans=1, begin_s=0.0, **more):
+    """Return the estimates of a car that stands somewhere."""
+    found = []
+    for number in range(scans):
+        stamp_s = begin_s + number * PERIOD_S
+        scan = room.scan(pose, stamp_s=stamp_s, noise_m=0.01, seed=number, number=number, **more)
+        found.append(localizer.take(scan, report(stamp_s)))
+    return found
+
+
+def at(estimate):
+    return estimate.x_m, estimate.y_m, estimate.yaw_rad
+
+
+@pytest.mark.parametrize("off", [(0.0, 0.0, 0.0), (0.3, -0.3, 0.2), (-0.4, 0.2, -0.3)])
+def test_it_begins_where_the_laps_begin(furnished, off):
+    room, field = furnished
+    pose = (-0.2 + off[0], 0.1 + off[1], off[2])
+    last = stand(Localizer(field, CAR, START), room, pose, scans=5)[-1]
+    assert last.whereabouts is Whereabouts.LOCATED
+    assert at(last) == pytest.approx(pose, abs=0.02)
+    assert last.share > 0.95
+
+
+@pytest.mark.parametrize("pose", [ELSEWHERE, (10.0, 5.9, -1.5)])
+def test_it_is_found_anywhere_part_by_part_while_it_stands(furnished, pose):
+    room, field = furnished
+    localizer = Localizer(field, CAR, None)
+    found = stand(localizer, room, pose, scans=200)
+    assert found[0].whereabouts is Whereabouts.SEARCHING
+    assert math.isnan(found[0].x_m)
+    assert found[-1].whereabouts is Whereabouts.LOCATED
+    assert at(found[-1]) == pytest.approx(pose, abs=0.03)
+
+
+def test_a_start_at_another_place_is_searched_for(furnished):
+    room, field = furnished
+    last = stand(Localizer(field, CAR, START, search_parts=WHOLE), room, ELSEWHERE, scans=4)[-1]
+    assert at(last) == pytest.approx(ELSEWHERE, abs=0.03)
+
+
+def test_places_that_look_alike_are_said_and_not_guessed(plain):
+    room, field = plain
+    last = stand(Localizer(field, CAR, None, search_parts=WHOLE), room, (9.9, 0.2, 0.5), scans=4)[-1]
+    assert last.whereabouts is Whereabouts.AMBIGUOUS
+    assert math.isnan(last.x_m)
+    assert len(last.alike) == 2
+    (x0_m, y0_m, yaw0), (x1_m, y1_m, yaw1) = last.alike
+    assert (x0_m + x1_m, y0_m + y1_m) == pytest.approx((10.0, 6.0), abs=0.1)
+    assert abs(math.remainder(yaw0 - yaw1, math.tau)) == pytest.approx(math.pi, abs=0.05)
+
+
+def test_where_the_laps_begin_decides_between_places_that_look_alike(plain):
+    room, field = plain
+    last = stand(Localizer(field, CAR, START), room, (-0.3, 0.2, -0.5), scans=4)[-1]
+    assert at(last) == pytest.approx((-0.3, 0.2, -0.5), abs=0.03)
+
+
+@pytest.mark.parametrize("pose", [CORNER, (-0.3, 2.0, 1.0), (9.5, -0.2, 0.4)])
+def test_set_down_elsewhere_it_is_lost_at_once(furnished, pose):
+    """Of the beams 1, 14 and 29 % fit there."""
+    room, field = furnished
+    localizer = Localizer(field, CAR, START, search_parts=WHOLE)
+    stand(localizer, room, START, scans=8)
+    found = stand(localizer, room, pose, scans=LOST_SCANS, begin_s=8 * PERIOD_S)
+    assert [one.whereabouts for one in found[:-1]] == [Whereabouts.LOCATED] * (LOST_SCANS - 1)
+    assert found[-1].whereabouts is Whereabouts.LOST
+    assert math.isnan(found[-1].x_m)
+
+
+def test_what_was_lost_is_found_again(furnished):
+    room, field = furnished
+    localizer = Localizer(field, CAR, START, search_parts=WHOLE)
+    stand(localizer, room, START, scans=8)
+    found = stand(localizer, room, CORNER, scans=12, begin_s=8 * PERIOD_S)
+    assert found[-1].whereabouts is Whereabouts.LOCATED
+    assert at(found[-1]) == pytest.approx(CORNER, abs=0.03)
+
+
+def test_a_covered_lidar_is_no_evidence_of_being_lost(furnished):
+    room, field = furnished
+    localizer = Localizer(field, CAR, START)
+    stand(localizer, room, START, scans=8)
+    covered = stand(localizer, room, START, scans=60, begin_s=8 * PERIOD_S, keep=np.zeros(BEAMS, bool))
+    assert {one.whereabouts for one in covered} == {Whereabouts.LOCATED}
+    assert covered[-1].std_m > covered[0].std_m
+    again = stand(localizer, room, START, scans=4, begin_s=68 * PERIOD_S)
+    assert at(again[-1]) == pytest.approx(START, abs=0.02)
+
+
+def test_people_over_half_of_the_view_are_no_evidence_either(furnished):
+    room, field = furnished
+    localizer = Localizer(field, CAR, START)
+    stand(localizer, room, START, scans=8)
+    legs = np.arange(BEAMS) // 80 % 2 == 0
+    for number in range(60):
+        scan = room.scan(START, stamp_s=(8 + number) * PERIOD_S, noise_m=0.01, seed=number)
+        ranges_m = np.where(legs, np.minimum(scan.ranges_m, 0.5), scan.ranges_m)
+        last = localizer.take(replace(scan, ranges_m=ranges_m), report(scan.stamp_s))
+        assert last.whereabouts is Whereabouts.LOCATED
+    assert at(last) == pytest.approx(START, abs=0.02)
+
+
+def test_it_rolls_on_with_the_wheels_and_without_their_reports(furnished):
+    room, field = furnished
+    for reports in (True, False):
+        localizer = Localizer(field, CAR, START)
+        for number in range(200):
+            stamp_s, way_m = number * PERIOD_S, 0.05 * number * (number < 90)
+            scan = room.scan((min(way_m, 9.0), 0.1, 0.0), stamp_s=stamp_s, noise_m=0.01, seed=number)
+            last = localizer.take(scan, report(stamp_s, way_m, 2.0) if reports else None)
+            if number == 85:
+                break
+        assert last.whereabouts is Whereabouts.LOCATED
+        assert at(last) == pytest.approx((way_m, 0.1, 0.0), abs=0.04)
+
+
+def test_the_same_scans_give_the_same_poses_to_the_bit(furnished):
+    room, _ = furnished
+    first, second = (
+        stand(Localizer(field_of_cells(room.cells), CAR, None), room, ELSEWHERE, scans=150) for _ in range(2)
+    )
+    assert [str(one) for one in first] == [str(one) for one in second]

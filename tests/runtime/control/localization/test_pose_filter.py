@@ -1,0 +1,134 @@
+"""One scan laid over the map: it pulls the pose where it tells something, and nowhere else."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.runtime.control.localization.rooms import BEAMS, LIDAR_M, corridor, ring
+from wallride.runtime.control.localization.line_field import field_of_cells
+from wallride.runtime.control.localization.pose_filter import WEAK_SHARE, PoseFilter, WheelStep
+from wallride.runtime.control.localization.scan_points import AxleMotion, scan_points
+
+STILL = AxleMotion(0.0, 0.0, 0.0)
+WHEELBASE_M = 0.33
+
+
+@pytest.fixture(scope="module")
+def ringed():
+    room = ring()
+    return room, field_of_cells(room.cells)
+
+
+@pytest.fixture(scope="module")
+def long_one():
+    room = corridor()
+    return room, field_of_cells(room.cells)
+
+
+def points(room, pose, **more):
+    return scan_points(room.scan(pose, noise_m=0.01, **more), complex(LIDAR_M), STILL)
+
+
+def placed(field, pose, off=(0.0, 0.0, 0.0), std_m=0.05, std_rad=0.03):
+    filter_ = PoseFilter(field, WHEELBASE_M)
+    x_m, y_m, yaw_rad = (at + by for at, by in zip(pose, off, strict=True))
+    filter_.place(x_m, y_m, yaw_rad, std_m, std_rad)
+    return filter_
+
+
+@pytest.mark.parametrize("pose", [(9.6, 0.2, 0.4), (-0.2, 3.0, -1.5), (10.1, 5.6, 3.0)])
+def test_a_scan_takes_a_pose_to_the_true_one(ringed, pose):
+    room, field = ringed
+    filter_ = placed(field, pose, (0.06, -0.05, 0.04))
+    fit = filter_.correct(points(room, pose))
+    assert filter_.state[:3] == pytest.approx(pose, abs=0.01)
+    assert fit.share > 0.95
+    assert math.sqrt(filter_.covariance[0, 0]) < 0.02
+
+
+def test_people_over_half_of_the_view_do_not_move_the_pose(ringed):
+    room, field = ringed
+    pose = (9.6, 0.2, 0.4)
+    scan = room.scan(pose, noise_m=0.01)
+    ranges_m = scan.ranges_m.copy()
+    covered = np.arange(BEAMS) // 80 % 2 == 0
+    ranges_m[covered] = np.minimum(ranges_m[covered], 0.7)
+    people = type(scan)(*(getattr(scan, name) if name != "ranges_m" else ranges_m for name in scan.__slots__))
+    filter_ = placed(field, pose, (0.03, -0.03, 0.02))
+    fit = filter_.correct(scan_points(people, complex(LIDAR_M), STILL))
+    assert filter_.state[:3] == pytest.approx(pose, abs=0.02)
+    assert 0.5 < fit.share < 0.9
+
+
+def test_a_corridor_tells_nothing_along_itself_and_the_doubt_grows_with_the_way(long_one):
+    room, field = long_one
+    pose = (10.0, 0.1, 0.02)
+    filter_ = placed(field, pose, (0.08, 0.04, 0.02))
+    fit = filter_.correct(points(room, pose))
+    assert fit.determined < WEAK_SHARE
+    assert filter_.state[1:3] == pytest.approx(pose[1:], abs=0.01)
+    assert filter_.state[0] == pytest.approx(pose[0] + 0.08, abs=0.01), "the wheels alone tell the way along it"
+    doubts = []
+    for _ in range(40):
+        filter_.predict(WheelStep(0.025, 0.1, 4.0, 0.0))
+        filter_.correct(points(room, (float(filter_.state[0]), 0.1, 0.02)))
+        doubts.append(math.sqrt(filter_.covariance[0, 0]))
+    assert doubts[-1] > 0.07
+    assert all(np.diff(doubts) > 0.0)
+
+
+def test_the_end_of_a_corridor_corrects_what_the_wheels_got_wrong(long_one):
+    """0.35 m off: a narrow kernel would take the end wall for people and leave it out."""
+    room, field = long_one
+    pose = (51.0, 0.0, 0.0)
+    filter_ = placed(field, pose, (-0.35, 0.0, 0.0), std_m=0.3)
+    for _ in range(3):
+        filter_.correct(points(room, pose))
+    assert filter_.state[0] == pytest.approx(pose[0], abs=0.02)
+
+
+def test_a_car_ahead_does_not_take_the_pose_with_it_where_the_way_is_in_doubt(long_one):
+    """It drives 1.2 m before the end of the corridor: a wall that is nearer than the doubt, to a wide kernel."""
+    room, field = long_one
+    ahead = room.scan((53.2, 0.0, 0.0), noise_m=0.01)
+    ranges_m = ahead.ranges_m.copy()
+    ranges_m[BEAMS // 2 - 60 : BEAMS // 2 + 61] = 0.9
+    scan = type(ahead)(*(getattr(ahead, name) if name != "ranges_m" else ranges_m for name in ahead.__slots__))
+    filter_ = placed(field, (53.2, 0.0, 0.0), (0.1, 0.0, 0.0), std_m=0.4)
+    for _ in range(3):
+        filter_.correct(scan_points(scan, complex(LIDAR_M), STILL))
+    assert filter_.state[0] == pytest.approx(53.2, abs=0.03)
+
+
+def test_the_scale_of_the_wheels_is_learnt_from_the_corrections(ringed):
+    room, field = ringed
+    filter_ = placed(field, (0.0, 0.0, 0.0), std_m=0.01)
+    for number in range(1, 60):
+        pose = (0.1 * number, 0.0, 0.0)
+        filter_.predict(WheelStep(0.05, 0.105, 2.1, 0.0))
+        filter_.correct(points(room, pose, seed=number))
+    assert filter_.scale == pytest.approx(1 / 1.05, abs=0.01)
+    assert filter_.state[:3] == pytest.approx(pose, abs=0.03)
+
+
+def test_a_turn_that_the_steering_does_not_tell_is_followed(ringed):
+    """Tyres and a wrong trim: the car turns by 1 rad/s at 1 m/s with its wheels straight."""
+    room, field = ringed
+    filter_ = placed(field, (9.0, -0.3, 0.0))
+    for number in range(1, 41):
+        yaw_rad = 0.025 * number
+        pose = (9.0 + math.sin(yaw_rad), 0.7 - math.cos(yaw_rad), yaw_rad)
+        filter_.predict(WheelStep(0.025, 0.025, 1.0, 0.0))
+        filter_.correct(points(room, pose, seed=number))
+    assert filter_.state[:3] == pytest.approx(pose, abs=0.02)
+    assert filter_.state[3] > 0.6
+
+
+def test_a_scan_without_beams_leaves_the_prediction(ringed):
+    room, field = ringed
+    filter_ = placed(field, (9.6, 0.2, 0.4))
+    before = filter_.state.copy()
+    fit = filter_.correct(points(room, (9.6, 0.2, 0.4), keep=np.zeros(BEAMS, bool)))
+    assert filter_.state == pytest.approx(before)
+    assert math.isnan(fit.share)

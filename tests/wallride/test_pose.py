@@ -1,0 +1,72 @@
+"""`wallride pose` from the command line: a lap is mapped, and another drive is found on the map."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.sim.replay.recorded import record
+from wallride import cli
+
+FOLLOW = {"wall_follow": {"speed_mps": 4.0}}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("laps")
+    record(folder / "lap.mcap", seconds=16.0, sections=FOLLOW)
+    record(folder / "again.mcap", seconds=6.0, sections={"wall_follow": {"speed_mps": 3.0}})
+    assert cli.main(["map", str(folder / "lap.mcap"), "-o", str(folder / "lab.yaml")]) == 0
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_another_drive_is_found_where_the_laps_begin(folder, here, capsys):
+    assert cli.main(["pose", str(folder / "again.mcap"), str(folder / "lab.yaml")]) == 0
+    said = capsys.readouterr().out
+    assert "again on lab: located at" in said
+    assert "of the beams fit the map" in said
+    assert "lost" not in said
+    assert (here / "again.pose.png").stat().st_size > 10_000
+    rows = [line.split("; ") for line in (here / "again.pose.csv").read_text().splitlines()[2:]]
+    assert {row[6] for row in rows[2:]} == {"located"}
+    assert np.array(rows[0][1:4], float) == pytest.approx(np.zeros(3), abs=0.05)
+
+
+def test_the_mapped_drive_itself_keeps_to_the_path_of_the_map(folder, capsys):
+    assert cli.main(["pose", str(folder / "lap.mcap"), str(folder / "lab.yaml"), "--json", "-"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["located"] > 0.99 * told["scans"]
+    assert told["losses_s"] == []
+    assert told["off_path_rms_m"] < 0.02
+    assert told["off_path_p99_m"] < 0.05
+    assert told["fits_p1"] > 0.8
+
+
+def test_on_a_symmetric_map_a_start_anywhere_is_not_guessed(folder, capsys):
+    piece = str(folder / "again.mcap")
+    code = cli.main(["pose", piece, str(folder / "lab.yaml"), "--anywhere", "-o", "any.csv"])
+    said = capsys.readouterr().out
+    assert (code, "these places look alike" in said) in {(1, True), (0, False)}
+    if code:
+        assert said.count(" deg)") >= 2
+
+
+def test_another_building_is_told(folder, here, capsys):
+    record(here / "elsewhere.mcap", world="straight", seconds=3.0)
+    assert cli.main(["pose", "elsewhere.mcap", str(folder / "lab.yaml")]) == 1
+    assert "no place of the map" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("map_", "said"), [("none.yaml", "no map file none.yaml"), ("again.mcap", "again.mcap: ")])
+def test_a_mistake_is_one_sentence(folder, map_, said, capsys):
+    path = map_ if map_ == "none.yaml" else str(folder / map_)
+    assert cli.main(["pose", str(folder / "again.mcap"), path]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
