@@ -116,7 +116,9 @@ def run(options: argparse.Namespace) -> int:
     try:
         return command.run(options)
     except OSError as error:
-        return fail(f"{error.filename or options.output or 'the output'}: {error.strerror or error}")
+        if error.errno is None:  # a map that is not there, in words
+            return fail(str(error))
+        return fail(f"{error.filename or options.output or 'the output'}: {error.strerror}")
     except (SettingsError, ValueError) as error:
         return fail(str(error))
 

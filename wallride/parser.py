@@ -163,6 +163,19 @@ def at_least(lowest: int) -> Callable[[str], int]:
     return whole
 
 
+def number(lowest: float, highest: float, what: str = "a number") -> Callable[[str], float]:
+    """Return a converter of an option's text to a number between two others; NaN is not."""
+
+    def converted(text: str) -> float:
+        value = float(text)
+        if not lowest <= value <= highest:
+            raise argparse.ArgumentTypeError(f"write {what} from {lowest:g} to {highest:g}")
+        return value
+
+    converted.__name__ = "number"  # argparse names it where the text is none
+    return converted
+
+
 def add_jobs(command: argparse.ArgumentParser) -> None:
     """Add --jobs N."""
     command.add_argument("--jobs", type=at_least(1), metavar="N", help="processes (default: one per core)")

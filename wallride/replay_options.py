@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from wallride import client_options
 from wallride.failure import fail, needs
-from wallride.parser import add_json
+from wallride.parser import add_json, number
 from wallride.runtime.host.terminal_text import say
 
 if TYPE_CHECKING:
@@ -37,7 +37,9 @@ def add(commands: "Commands") -> None:
         "--at", dest="at_s", type=float, metavar="S", help="the same, at the newest scan S seconds after the beginning"
     )
     replay.add_argument("--publish", action="store_true", help="publish on zenoh, for monitor, topic and plot")
-    replay.add_argument("--speed", type=_speed, default=1.0, metavar="X", help="speed of playing (default: 1)")
+    replay.add_argument(
+        "--speed", type=number(0.05, 50), default=1.0, metavar="X", help="speed of playing (default: 1)"
+    )
     replay.add_argument(
         "--from", dest="begin_s", type=float, default=0.0, metavar="S", help="start S seconds after the beginning"
     )
@@ -111,10 +113,3 @@ def newest() -> Path | None:
     from wallride.runtime.settings.recording import recordings_folder
 
     return newest_recording(recordings_folder(""))
-
-
-def _speed(text: str) -> float:
-    speed = float(text)
-    if not 0.05 <= speed <= 50:
-        raise argparse.ArgumentTypeError("write a number from 0.05 to 50")
-    return speed

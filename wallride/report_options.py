@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from wallride import client_options, replay_options
 from wallride.failure import needs
-from wallride.parser import add_json, writable_path
+from wallride.parser import add_json, number, writable_path
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
@@ -40,7 +40,13 @@ def add(commands: "Commands") -> None:
         "topics", nargs="*", default=["distance_error"], metavar="TOPIC[:FIELD]",
         help="for example distance_error, motor:velocity.0, status:scan_to_motor_ms.p99 (default: distance_error)",
     )  # fmt: skip
-    plot.add_argument("--seconds", type=_seconds, default=20.0, metavar="S", help="time span (default: 20)")
+    plot.add_argument(
+        "--seconds",
+        type=number(1, 600, "a number of seconds"),
+        default=20.0,
+        metavar="S",
+        help="time span (default: 20)",
+    )
     plot.add_argument("--once", action="store_true", help="listen for that time, draw once and exit")
     client_options.add_common(plot)
     plot.set_defaults(run=_plot, print_line=partial(print, flush=True))
@@ -54,10 +60,3 @@ def _plot(options: argparse.Namespace) -> int:
     with needs("clients", "plot needs"):
         from wallride.clients import plot
     return client_options.run_client(plot.run, options)
-
-
-def _seconds(text: str) -> float:
-    seconds = float(text)
-    if not 1 <= seconds <= 600:
-        raise argparse.ArgumentTypeError("write a number of seconds from 1 to 600")
-    return seconds

@@ -4,7 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from wallride import client_options
-from wallride.parser import at_least
+from wallride.parser import at_least, number
 from wallride.runtime.host.terminal_text import say
 
 if TYPE_CHECKING:
@@ -16,7 +16,10 @@ def add(commands: "Commands") -> None:
     topic = commands.add_parser("topic", help="topics of a car: list, hz, bw, echo")
     actions = topic.add_subparsers(dest="action", required=True, metavar="ACTION")
     listing = actions.add_parser("list", help="all topics with type, rate and volume")
-    listing.add_argument("--seconds", type=float, default=1.5, metavar="S", help="time to listen (default: 1.5)")
+    listing.add_argument(
+        "--seconds", type=number(0.1, 600, "a number of seconds"), default=1.5, metavar="S",
+        help="time to listen (default: 1.5)",
+    )  # fmt: skip
     listing.add_argument("--json", action="store_true", help="print JSON")
     rate = actions.add_parser("hz", help="rate and jitter of a topic")
     volume = actions.add_parser("bw", help="bandwidth of a topic")

@@ -22,7 +22,10 @@ def run(options: argparse.Namespace) -> int:
         if options.out is not None:
             options.out.write_text(conditions_text(found))
     except (RecordingError, OSError) as error:
-        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+        words = str(error)
+        if isinstance(error, OSError) and error.filename is None:  # of a write
+            words = f"{options.out}: {error.strerror}; name another place with --out"
+        print(f"wallride: {words}", file=sys.stderr)  # noqa: T201 - this is the command's voice
         return USAGE_ERROR
     _show(found, Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH), options.out)
     return 0

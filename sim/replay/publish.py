@@ -39,6 +39,10 @@ def play(options: argparse.Namespace) -> int:
     player = Player(opened.log, time.monotonic, speed=options.speed, loops=options.loop)
     if not player.duration_s:
         raise RecordingError(f"{options.file} holds nothing that a monitor could show.")
+    if not 0.0 <= options.begin_s < player.duration_s:
+        raise RecordingError(
+            f"{options.file}: --from {options.begin_s:g} is not in it: give seconds from 0 to {player.duration_s:.1f}."
+        )
     player.seek(options.begin_s)
     for note in opened.log.notes:
         print(f"note: {note}", file=sys.stderr)  # noqa: T201 - this is the command's voice

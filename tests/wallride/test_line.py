@@ -42,7 +42,7 @@ def test_a_line_is_a_path_for_another_line_the_other_way_round(here, capsys):
     ("arguments", "said"),
     [
         (["nowhere"], "no world is called 'nowhere'"),
-        (["none.yaml"], "no map file none.yaml"),
+        (["none.yaml"], "wallride: no map file none.yaml"),
         (["straight"], "does not close on itself"),
         (["loop", "--keep", "0.1"], "--keep 0.1 m is less than the car needs"),
         (["loop", "--path", "none.csv"], "none.csv: No such file or directory"),

@@ -188,3 +188,9 @@ async def speaking_beats():
     beating.cancel()
     await client.close()
     await bus.close()
+
+
+@pytest.mark.parametrize("text", ["nan", "9999", "-1"])
+def test_a_beginning_outside_the_recording_is_refused_with_its_range(dead_end, text):
+    with pytest.raises(RecordingError, match=rf"--from {text} is not in it: give seconds from 0 to \d+\.\d\."):
+        publish.play(options(dead_end, begin_s=float(text)))
