@@ -53,6 +53,8 @@ from wallride.runtime.wire.uplink import Uplink, UplinkedBus
 
 log = logging.getLogger("wallride.launch")
 
+Devices = tuple[Vesc | OwnMotor, Hokuyo | TurningLidar | TopicLidar | OwnLidar]
+
 SWITCH_S: Final = 5e-4
 """Time after which a thread that computes in Python leaves the interpreter to another, in a car with laws of the user:
 the loop waits that long after each system call. Python's own 5 ms let one busy thread of a law hold up the car for half
@@ -240,36 +242,9 @@ async def _drive(
     joystick: LocalOperator | None,
 ) -> None:  # fmt: skip
     stop, asked = asyncio.Event(), asyncio.Event()
-    loop = asyncio.get_running_loop()
-
-    def hear_signals() -> None:
-        for number in STOP_SIGNALS:
-            loop.add_signal_handler(number, _set, asked, stop)
-
-    STOP_SIGNALS_HELD.hold(hear_signals)
-    clock = time.monotonic
-    uplinks = [Uplink(router, settings.car.name) for router in sessions.routers]
-    bus = _bus(sessions.own, uplinks, any_port=settings.telemetry.any_port)
-    scan_phase = ScanPhase()
-    motor, lidar = _devices(settings, clock, scan_phase)
-    fitted(motor)
-    rehearsal = Rehearsal(settings, clock)
-    around = CarSurroundings(
-        files.saved,
-        files.base,
-        lambda: lidar.reading_s,
-        scan_phase,
-        WallClock(clock),
-        ComputerWatch(read_computer),
-        joystick,
-        rehearsal if settings.process.rehearse else None,
-    )
-    car = Car(settings, lidar, motor, bus, clock, around)
-    _hear_inertia(motor, car)
-    for uplink in uplinks:
-        uplink.session = session_text(car.session)
-    if (history := history_file(settings)) is not None:
-        parameters.read_history(car.history, history)
+    _hear_signals(asked, stop)
+    rehearsal = Rehearsal(settings, time.monotonic)
+    car, bus, (motor, lidar) = _car(settings, files, sessions, fitted, joystick, rehearsal)
     opening = asyncio.create_task(_open(car, bus, stop, files.address), name="bus")
     rehearsal.warm_up()
     gc.collect()
@@ -291,9 +266,47 @@ async def _drive(
         opening.result()
 
 
-def _devices(
-    settings: Settings, clock: Clock, scan_phase: ScanPhase
-) -> tuple[Vesc | OwnMotor, Hokuyo | TurningLidar | TopicLidar | OwnLidar]:
+def _hear_signals(*events: asyncio.Event) -> None:
+    """Set the events at a signal that ends the car, and hold these handlers against user code."""
+    loop = asyncio.get_running_loop()
+
+    def hear() -> None:
+        for number in STOP_SIGNALS:
+            loop.add_signal_handler(number, _set, *events)
+
+    STOP_SIGNALS_HELD.hold(hear)
+
+
+def _car(
+    settings: Settings, files: Files, sessions: Sessions, fitted: Callable[[BrakingMotor], None],
+    joystick: LocalOperator | None, rehearsal: Rehearsal,
+) -> tuple[Car, CarBus, Devices]:  # fmt: skip
+    """Return the car, its bus and its devices; `fitted` gets the motor as soon as there is one."""
+    clock, scan_phase = time.monotonic, ScanPhase()
+    uplinks = [Uplink(router, settings.car.name) for router in sessions.routers]
+    bus = _bus(sessions.own, uplinks, any_port=settings.telemetry.any_port)
+    motor, lidar = devices = _devices(settings, clock, scan_phase)
+    fitted(motor)
+    around = CarSurroundings(
+        files.saved,
+        files.base,
+        lambda: lidar.reading_s,
+        scan_phase,
+        WallClock(clock),
+        ComputerWatch(read_computer),
+        joystick,
+        rehearsal if settings.process.rehearse else None,
+    )
+    car = Car(settings, lidar, motor, bus, clock, around)
+    _hear_inertia(motor, car)
+    for uplink in uplinks:
+        uplink.session = session_text(car.session)
+    if (history := history_file(settings)) is not None:
+        parameters.read_history(car.history, history)
+    return car, bus, devices
+
+
+def _devices(settings: Settings, clock: Clock, scan_phase: ScanPhase) -> Devices:
     motor = motor_for(settings.motor, clock=clock, clear_s=scan_phase.clear_s, replied=scan_phase.replied)
     motion = motion_of(settings.car, lambda: motor.state)
     return motor, lidar_for(settings.lidar, clock=clock, clear_s=scan_phase.clear_s, motion=motion)

@@ -12,11 +12,8 @@ PACKAGES = ("benchmarks", "clients", "docs", "drivers", "runtime", "sim", "wallr
 MAX_MODULES = 20
 MAX_PARAMETERS, MANY_PARAMETERS, MAX_WITH_MANY = 8, 6, 10
 MAX_LINES, MAX_FUNCTION_LINES = 400, 42
-LONGER_FUNCTIONS = {
-    "runtime/control/perception/visibility/lidar_sectors.py:watch_sectors": 56,
-    "runtime/launch.py:_drive": 62,
-}
-"""One is the compiled function's text, sealed with it; the other the order of a process's life."""
+LONGER_FUNCTIONS = {"runtime/control/perception/visibility/lidar_sectors.py:watch_sectors": 56}
+"""It is the compiled function's text, sealed with it."""
 MAX_RIDDLES = 10
 RIDDLES = re.compile(r"\b(whoever|nobody|somebody|everybody)\b", re.IGNORECASE)
 
