@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from typing import Protocol
 
 from wallride.clients.connection import ConnectionProblemError, another_car, connected
-from wallride.clients.ending import stopping
+from wallride.clients.ending import INTERRUPTED, stopping
 from wallride.clients.teleop import gamepad, pad_files, terminal
 from wallride.clients.teleop.advice import advise
 from wallride.clients.teleop.link_probe import WITHIN_S, LinkProbe
@@ -200,17 +200,22 @@ async def operate(options: argparse.Namespace) -> int:
 
 
 async def map_pad(print_line: Callable[[str], object]) -> int:
-    """Run the wizard on the first pad that appears, and write its file."""
+    """Run the wizard on the first pad that appears, and write its file; INTERRUPTED where it was ended before."""
+    stop = asyncio.Event()
     with ExitStack() as things:
-        return await _ask(_open_sdl(things, window=False), print_line)
+        sdl = _open_sdl(things, window=False)
+        things.enter_context(stopping(stop))  # after SDL, which takes SIGTERM for an event of its own
+        return await _ask(sdl, stop, print_line)
 
 
-async def _ask(sdl: gamepad.Sdl, print_line: Callable[[str], object]) -> int:
+async def _ask(sdl: gamepad.Sdl, stop: asyncio.Event, print_line: Callable[[str], object]) -> int:
     print_line("Plug in the pad and press one of its buttons. Ctrl-C leaves.\n")
     wizard: Wizard | None = None
     found: gamepad.PadConnected | None = None
     asked = ""
     async for now_s in deadlines(PERIOD_S, time.monotonic):
+        if stop.is_set():
+            return INTERRUPTED
         for happening in sdl.poll():
             if isinstance(happening, gamepad.PadConnected) and found is None:
                 found = happening

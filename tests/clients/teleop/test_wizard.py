@@ -1,5 +1,11 @@
 """An unknown pad is learnt from what a person does with it."""
 
+import signal
+import subprocess
+import sys
+
+import pytest
+
 from wallride.clients.teleop import pad_files
 from wallride.clients.teleop.inputs import Control
 from wallride.clients.teleop.pads import Axis, Button, Hat
@@ -55,3 +61,19 @@ def test_a_trigger_that_reads_zero_until_touched_cannot_steer():
     answer(wizard, Axis(1, -1.0), Axis(1, 0.0))
     assert "trigger" in wizard.remark
     assert "FORWARD" in wizard.question
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_the_wait_for_a_pad_is_ended_by_signals(number):
+    command = [sys.executable, "-m", "wallride", "teleop", "--map"]
+    nothing, pipe = subprocess.DEVNULL, subprocess.PIPE
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where a shell runs in the background
+    with subprocess.Popen(command, stdin=nothing, stdout=pipe, text=True) as waiting:
+        try:
+            assert waiting.stdout is not None
+            assert waiting.stdout.readline().startswith("Plug in the pad")
+            waiting.send_signal(number)
+            assert waiting.wait(timeout=10) == 130
+        finally:
+            waiting.kill()
+            signal.signal(signal.SIGINT, before)
