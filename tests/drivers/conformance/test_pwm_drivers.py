@@ -1,0 +1,127 @@
+"""The motors by servo pulses pass the conformance kit, each against its emulated board with an ESC behind it."""
+
+import shutil
+import tempfile
+from pathlib import Path
+
+from wallride.drivers.conformance import MotorConformance
+from wallride.drivers.maestro.driver import Maestro
+from wallride.drivers.maestro.settings import MaestroSettings
+from wallride.drivers.pca9685.driver import Pca9685
+from wallride.drivers.pca9685.settings import Pca9685Settings
+from wallride.drivers.pwm.speed import EstimatedSpeed
+from wallride.sim.devices.esc import EmulatedEsc, EscModel
+from wallride.sim.devices.maestro import MaestroEmulator
+from wallride.sim.devices.pca9685 import Pca9685Chip
+
+ARMING_S = 0.25
+MODEL = EscModel(armed_after_s=0.15)
+
+
+class PwmBench:
+    """Wheels that follow at once; their speed reaches the driver as the scans' would."""
+
+    def __init__(self):
+        self.esc = EmulatedEsc(MODEL)
+        self.made = None
+
+    def made_driver(self, driver):
+        self.made = driver
+        return driver
+
+    def step(self, now_s):
+        self.esc.wheels_mps = self.esc.speed_mps or 0.0
+        if self.made is not None:
+            self.made.learn(EstimatedSpeed(now_s, self.esc.wheels_mps, 0.05))
+
+
+class Pca9685Bench(PwmBench):
+    def __init__(self):
+        super().__init__()
+        self.chip = Pca9685Chip(self.esc)
+
+    @property
+    def silence(self):
+        return self.chip.unplugged
+
+    @silence.setter
+    def silence(self, on):
+        self.chip.unplugged = on
+
+    @property
+    def connected(self):
+        return self.chip.open_buses > 0
+
+    @property
+    def commanded(self):
+        return self.esc.speed_mps, self.esc.steering_rad, self.esc.pulses
+
+    async def start(self):
+        self.chip.unplugged = False
+
+    async def unplug(self):
+        self.chip.unplugged = True
+        self.chip.brown_out()
+
+    replug = start
+    close = unplug
+
+    def send(self, data):
+        """Nothing comes by itself on a bus whose master is the computer."""
+
+    def driver(self):
+        return self.made_driver(Pca9685(Pca9685Settings(arming_s=ARMING_S), open_bus=self.chip.open))
+
+
+class MaestroBench(PwmBench):
+    def __init__(self):
+        super().__init__()
+        self.folder = Path(tempfile.mkdtemp())
+        self.device = MaestroEmulator(self.esc)
+
+    @property
+    def silence(self):
+        return self.device.silence
+
+    @silence.setter
+    def silence(self, on):
+        self.device.silence = on
+
+    @property
+    def connected(self):
+        return self.device.connected
+
+    @property
+    def commanded(self):
+        return self.esc.speed_mps, self.esc.steering_rad, self.device.counts["command"]
+
+    async def start(self):
+        self.device.start_serial(self.folder / "maestro")
+
+    async def unplug(self):
+        self.device.unplug()
+
+    async def replug(self):
+        self.device.replug()
+
+    async def close(self):
+        self.device.close()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def send(self, data):
+        if self.device._port is not None:
+            self.device._port.send(data)
+
+    def driver(self):
+        address = f"serial://{self.folder / 'maestro'}"
+        return self.made_driver(Maestro(MaestroSettings(address=address, arming_s=ARMING_S)))
+
+
+class TestPca9685(MotorConformance):
+    def bench(self):
+        return Pca9685Bench()
+
+
+class TestMaestro(MotorConformance):
+    def bench(self):
+        return MaestroBench()

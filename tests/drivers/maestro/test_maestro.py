@@ -1,0 +1,121 @@
+"""Maestro: golden bytes, its serial timeout, and every loss of it stops the car with its reason."""
+
+import asyncio
+import time
+
+import pytest
+
+from wallride.drivers.api import Drive, LinkState
+from wallride.drivers.maestro import codec
+from wallride.drivers.maestro.driver import Maestro
+from wallride.drivers.maestro.settings import MaestroSettings
+from wallride.drivers.pwm.driver import UNGUARDED_MPS
+from wallride.drivers.pwm.speed import EstimatedSpeed
+from wallride.runtime.ending import end
+from wallride.sim.devices.esc import EmulatedEsc, EscModel
+from wallride.sim.devices.maestro import MaestroEmulator
+
+
+def test_bytes_are_those_of_the_guide():
+    assert codec.set_target(2, 1500.0) == bytes((0x84, 0x02, 0x70, 0x2E))
+    assert codec.question(5) == bytes((0x90, 0x05, 0xA1))
+    assert codec.decode_answer(bytes((0x70, 0x17, 0x20, 0x00))) == (6000, codec.SERIAL_TIMEOUT)
+
+
+@pytest.mark.parametrize("answer", [b"", bytes(3), bytes(5), bytes((0x70, 0x17, 0x00, 0xFF))])
+def test_other_bytes_are_no_answer(answer):
+    assert codec.decode_answer(answer) is None
+
+
+class Rig:
+    def __init__(self, folder, **board):
+        self.esc = EmulatedEsc(EscModel(armed_after_s=0.1))
+        self.board = MaestroEmulator(self.esc, **board)
+        self.board.start_serial(folder / "maestro")
+        self.driver = Maestro(MaestroSettings(address=f"serial://{folder / 'maestro'}", arming_s=0.2))
+        self.task = asyncio.create_task(self.driver.run())
+
+    async def until(self, done):
+        async with asyncio.timeout(8.0):
+            while not done():
+                await asyncio.sleep(0.005)
+
+    async def driving(self, speed_mps=1.0, duration_s=0.7):
+        await self.until(lambda: self.driver.health.link is LinkState.READY)
+        end_s = time.monotonic() + duration_s
+        while time.monotonic() < end_s:
+            self.driver.learn(EstimatedSpeed(time.monotonic(), self.esc.speed_mps or 0.0, 0.05))
+            self.driver.send(Drive(speed_mps, 0.1))
+            await asyncio.sleep(0.01)
+
+    async def close(self):
+        await end(self.task)
+        self.board.close()
+
+
+@pytest.fixture
+async def rig(tmp_path):
+    made = Rig(tmp_path)
+    yield made
+    await made.close()
+
+
+async def test_its_timeout_is_found_and_stops_a_car_that_nothing_commands(rig):
+    await rig.driving()
+    assert rig.driver.max_speed_mps == MaestroSettings().max_speed_mps
+    assert rig.esc.speed_mps is not None
+    await rig.until(lambda: rig.board.demand(time.monotonic()).kind == "coast")
+    await rig.until(lambda: rig.driver.state.timed_out)
+
+
+async def test_questions_do_not_feed_the_timeout(rig):
+    await rig.driving()
+    silent_s = time.monotonic()
+    await rig.until(lambda: rig.board.demand(time.monotonic()).kind == "coast")
+    assert time.monotonic() - silent_s < 1.5 * rig.board.timeout_s
+
+
+async def test_without_a_timeout_it_is_slow_and_says_so(tmp_path):
+    rig = Rig(tmp_path, timeout_s=0.0)
+    try:
+        await rig.driving()
+        assert rig.driver.max_speed_mps == UNGUARDED_MPS
+        assert "no command timeout" in rig.driver.words[0]
+    finally:
+        await rig.close()
+
+
+async def test_unplugged_it_is_absent_with_its_reason(rig):
+    await rig.driving()
+    rig.board.unplug()
+    await rig.until(lambda: rig.driver.state is None)
+    assert rig.driver.health.link is LinkState.ABSENT
+    assert not rig.driver.send(Drive(1.0, 0.0))
+
+
+async def test_a_brown_out_is_noticed_while_it_drives(rig):
+    await rig.driving()
+    rig.board.held_us = 0.0
+    async with asyncio.timeout(0.6):
+        while rig.driver.send(Drive(1.0, 0.1)):
+            await asyncio.sleep(0.01)
+    await rig.until(lambda: "does not hold its throttle" in rig.driver.health.message)
+
+
+async def test_silence_ends_the_connection_while_it_drives(rig):
+    await rig.driving()
+    rig.board.silence = True
+    began_s = time.monotonic()
+    while rig.driver.send(Drive(1.0, 0.1)):
+        await asyncio.sleep(0.01)
+    assert time.monotonic() - began_s < 0.6
+
+
+@pytest.mark.parametrize(("held_us", "words"), [(1234.0, "is at 1234 us"), (None, "no answer of a Maestro")])
+async def test_what_is_no_maestro_is_named(tmp_path, held_us, words):
+    rig = Rig(tmp_path)
+    rig.board.held_us, rig.board.silence = held_us, held_us is None
+    try:
+        await rig.until(lambda: words in rig.driver.health.message)
+    finally:
+        await rig.close()
