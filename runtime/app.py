@@ -34,7 +34,7 @@ from wallride.runtime.rehearsal import Rehearsal
 from wallride.runtime.ros.graph import DRIVE
 from wallride.runtime.scan_topic import TopicLidar
 from wallride.runtime.settings.tree import Settings
-from wallride.runtime.tasks import health, operator, parameters, recorder, safety, wall_follow
+from wallride.runtime.tasks import health, operator, parameters, recorder, safety, scan_speed, wall_follow
 from wallride.runtime.tasks import lidar as lidar_task
 from wallride.runtime.tasks import mux as mux_task
 from wallride.runtime.tasks.battery import BatteryLimit
@@ -151,6 +151,7 @@ class Car:
     def _add_watches(self) -> None:
         """Add what looks at devices, laws and battery, and limits or names what it finds."""
         settings, lidar, motor, clock = self.settings, self.lidar, self.motor, self.clock
+        self.scan_speed = scan_speed.SpeedByScans(motor, settings.car)
         self.battery = BatteryLimit(settings.battery, motor, self.queue, self.operator.rearm)
         self.own_law = OwnLawWatch(
             self.laws, self.permit, self.operator.rearm, lambda: self.stack.apply(self.stack.settings), clock
@@ -231,7 +232,10 @@ class Car:
         beside = self.side_work
         cycle = ScanCycle(
             self.stages.follow, self.mux.decide_now, beside.guarded("telemetry", self.telemetry.on_guidance),
-            [beside.guarded("learning", lambda _scan: self.laws.learn()), beside.guarded("timing", self._afterwards)],
+            [
+                self.scan_speed.learn, beside.guarded("learning", lambda _scan: self.laws.learn()),
+                beside.guarded("timing", self._afterwards),
+            ],
         )  # fmt: skip
         jobs = {
             "lidar": lidar_task.pump(
@@ -248,7 +252,8 @@ class Car:
             "timer": self._periodic_timer().run(),
             "own_parts": beside.keep("the file of own parts", self.own_parts.keep),
             "parameters": beside.keep(
-                "the history of parameters", lambda: parameters.keep_history(self.history, history_file(settings))
+                "the history of parameters",
+                lambda: parameters.keep_history(self.history, settings.parameters.history_path),
             ),
             "telemetry": beside.keep("telemetry", self.telemetry.run),
         }  # fmt: skip
@@ -333,7 +338,7 @@ class Car:
             queue=self.queue,
             clock=self.clock,
             seconds_by_winner=self.mux.seconds_by_winner,
-            window=lambda: (*self.laws.words, *self.own_law.words, *self.side_work.words),
+            window=lambda: (*self.laws.words, *self.scan_speed.words, *self.own_law.words, *self.side_work.words),
             timings=self.stages,
             recording=self.recorder.status,
             own_parts=self.own_parts.status,
@@ -393,8 +398,3 @@ async def _until(stop: asyncio.Event, tasks: list[asyncio.Task[Any]]) -> None:
         log.info("asked to stop")
     finally:
         await end(asked, *tasks)
-
-
-def history_file(settings: Settings) -> Path | None:
-    """Return the file of the parameter changes, None without one."""
-    return Path(settings.parameters.history_file) if settings.parameters.history_file else None

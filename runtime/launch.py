@@ -18,10 +18,11 @@ import numpy as np
 
 from wallride.drivers.api import Clock
 from wallride.drivers.hokuyo.driver import Hokuyo
+from wallride.drivers.pwm.driver import PwmMotor
 from wallride.drivers.turning.driver import TurningLidar
 from wallride.drivers.vesc.driver import Vesc
 from wallride.runtime import kernel
-from wallride.runtime.app import Car, CarSurroundings, history_file
+from wallride.runtime.app import Car, CarSurroundings
 from wallride.runtime.control.own_laws.law_class import loaded_files
 from wallride.runtime.ending import end
 from wallride.runtime.host.address_file import Address, write_address
@@ -53,7 +54,7 @@ from wallride.runtime.wire.uplink import Uplink, UplinkedBus
 
 log = logging.getLogger("wallride.launch")
 
-Devices = tuple[Vesc | OwnMotor, Hokuyo | TurningLidar | TopicLidar | OwnLidar]
+Devices = tuple[Vesc | PwmMotor | OwnMotor, Hokuyo | TurningLidar | TopicLidar | OwnLidar]
 
 SWITCH_S: Final = 5e-4
 """Time after which a thread that computes in Python leaves the interpreter to another, in a car with laws of the user:
@@ -301,7 +302,7 @@ def _car(
     _hear_inertia(motor, car)
     for uplink in uplinks:
         uplink.session = session_text(car.session)
-    if (history := history_file(settings)) is not None:
+    if (history := settings.parameters.history_path) is not None:
         parameters.read_history(car.history, history)
     return car, bus, devices
 
@@ -312,7 +313,7 @@ def _devices(settings: Settings, clock: Clock, scan_phase: ScanPhase) -> Devices
     return motor, lidar_for(settings.lidar, clock=clock, clear_s=scan_phase.clear_s, motion=motion)
 
 
-def _hear_inertia(motor: Vesc | OwnMotor, car: Car) -> None:
+def _hear_inertia(motor: Vesc | PwmMotor | OwnMotor, car: Car) -> None:
     if isinstance(motor, Vesc):
         motor.inertia.on_measurement = car.telemetry.on_imu
 

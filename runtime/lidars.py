@@ -8,6 +8,10 @@ from wallride.drivers.api import Clock, MotorState, Reschedule, as_wanted
 from wallride.drivers.auto.settings import AutoLidarSettings
 from wallride.drivers.hokuyo.driver import Hokuyo
 from wallride.drivers.hokuyo.settings import HokuyoSettings
+from wallride.drivers.maestro.driver import Maestro
+from wallride.drivers.maestro.settings import MaestroSettings
+from wallride.drivers.pca9685.driver import Pca9685
+from wallride.drivers.pca9685.settings import Pca9685Settings
 from wallride.drivers.rplidar.driver import Rplidar
 from wallride.drivers.rplidar.settings import RplidarSettings
 from wallride.drivers.turning.driver import TurningLidar
@@ -52,10 +56,14 @@ def motor_for(
     clock: Clock = time.monotonic,
     clear_s: Reschedule = as_wanted,
     replied: Callable[[float], None] = lambda _took_s: None,
-) -> Vesc | OwnMotor:
+) -> Vesc | Maestro | Pca9685 | OwnMotor:
     """Return the driver, not yet running. replied: called with the duration of a reply, by drivers that measure it."""
     if isinstance(settings, OwnMotorSettings):
         return OwnMotor(settings, clock=clock)
+    if isinstance(settings, MaestroSettings):
+        return Maestro(settings, clock=clock)
+    if isinstance(settings, Pca9685Settings):
+        return Pca9685(settings, clock=clock)
     return Vesc(settings, clock=clock, clear_s=clear_s, replied=replied)
 
 

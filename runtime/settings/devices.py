@@ -7,6 +7,8 @@ from pydantic import BaseModel, Discriminator, Tag
 
 from wallride.drivers.auto.settings import AutoLidarSettings
 from wallride.drivers.hokuyo.settings import HokuyoSettings
+from wallride.drivers.maestro.settings import MaestroSettings
+from wallride.drivers.pca9685.settings import Pca9685Settings
 from wallride.drivers.rplidar.settings import RplidarSettings
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.drivers.ydlidar.settings import YdlidarSettings
@@ -18,12 +20,12 @@ from wallride.runtime.settings.scan_topic import TopicLidarSettings
 DEFAULT_DRIVERS: Final[Mapping[str, str]] = {"lidar": "hokuyo", "motor": "vesc"}
 DRIVERS: Final[Mapping[str, tuple[type[BaseModel], ...]]] = {
     "lidar": (HokuyoSettings, RplidarSettings, YdlidarSettings, AutoLidarSettings, TopicLidarSettings),
-    "motor": (VescSettings,),
+    "motor": (VescSettings, MaestroSettings, Pca9685Settings),
 }
 """Settings of the built-in drivers of each kind of device."""
 OWN_DRIVERS: Final[Mapping[str, type[BaseModel]]] = {"lidar": OwnLidarSettings, "motor": OwnMotorSettings}
 """Settings of the user's own drivers, beside the built-in ones."""
-DRIVER_TAGS: Final = frozenset({"hokuyo", "rplidar", "ydlidar", "auto", "topic", "vesc", OWN_TAG})
+DRIVER_TAGS: Final = frozenset({"hokuyo", "rplidar", "ydlidar", "auto", "topic", "vesc", "maestro", "pca9685", OWN_TAG})
 
 
 def _driver(section: str) -> Discriminator:
@@ -40,7 +42,7 @@ def _driver(section: str) -> Discriminator:
 AnyLidarSettings = (
     HokuyoSettings | RplidarSettings | YdlidarSettings | AutoLidarSettings | TopicLidarSettings | OwnLidarSettings
 )
-AnyMotorSettings = VescSettings | OwnMotorSettings
+AnyMotorSettings = VescSettings | MaestroSettings | Pca9685Settings | OwnMotorSettings
 ChosenLidar = Annotated[
     Annotated[HokuyoSettings, Tag("hokuyo")]
     | Annotated[RplidarSettings, Tag("rplidar")]
@@ -51,7 +53,11 @@ ChosenLidar = Annotated[
     _driver("lidar"),
 ]
 ChosenMotor = Annotated[
-    Annotated[VescSettings, Tag("vesc")] | Annotated[OwnMotorSettings, Tag(OWN_TAG)], _driver("motor")
+    Annotated[VescSettings, Tag("vesc")]
+    | Annotated[MaestroSettings, Tag("maestro")]
+    | Annotated[Pca9685Settings, Tag("pca9685")]
+    | Annotated[OwnMotorSettings, Tag(OWN_TAG)],
+    _driver("motor"),
 ]
 
 

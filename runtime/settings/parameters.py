@@ -1,5 +1,6 @@
 """Settings of the parameter server."""
 
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field
@@ -14,3 +15,8 @@ class ParameterSettings(Section):
     """Number of remembered changes."""
     history_file: str = ""
     """File of the changes, written at most once a second; empty: in memory only."""
+
+    @property
+    def history_path(self) -> Path | None:
+        """The file of the changes, None without one."""
+        return Path(self.history_file) if self.history_file else None

@@ -5,6 +5,8 @@ import math
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.sim.car.inertia import EmulatedImu
 from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle
+from wallride.sim.devices.esc import EmulatedEsc
+from wallride.sim.devices.maestro import MaestroEmulator
 from wallride.sim.devices.own import OwnMotorEmulator
 from wallride.sim.devices.vesc import MotorDemand, VescEmulator
 from wallride.sim.world.pose import Pose
@@ -21,7 +23,11 @@ class Plant:
     """
 
     def __init__(
-        self, vehicle: Vehicle, vesc: VescEmulator | OwnMotorEmulator, wiring: VescSettings, start_s: float
+        self,
+        vehicle: Vehicle,
+        vesc: VescEmulator | MaestroEmulator | EmulatedEsc | OwnMotorEmulator,
+        wiring: VescSettings,
+        start_s: float,
     ) -> None:
         self.vehicle = vehicle
         self._vesc = vesc

@@ -8,18 +8,22 @@ from collections.abc import Awaitable, Callable, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
 
+from wallride.drivers.maestro.settings import MaestroSettings
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.ending import end
 from wallride.runtime.host.address_file import read_address
 from wallride.runtime.realtime.periodic import PeriodicTimer, Tick
+from wallride.runtime.settings.devices import AnyMotorSettings
 from wallride.runtime.wire import topics
 from wallride.sim.car.plant import Plant
 from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.devices.esc import EmulatedEsc, esc_of
+from wallride.sim.devices.maestro import MaestroEmulator
 from wallride.sim.devices.own import OwnLidarEmulator, OwnMotorEmulator, emulator_of
 from wallride.sim.devices.scip import ScipEmulator
 from wallride.sim.devices.scip_encode import SensorModel
@@ -50,7 +54,7 @@ STAMP_MS = 1 << 24
 Ranges = npt.NDArray[np.int64]
 TurningLidar = TurningEmulator | OwnLidarEmulator
 EmulatedLidar = ScipEmulator | TurningLidar
-EmulatedMotor = VescEmulator | OwnMotorEmulator
+EmulatedMotor = VescEmulator | MaestroEmulator | OwnMotorEmulator
 
 
 class SessionError(Exception):
@@ -136,6 +140,7 @@ class SimulatorSession:
         user_code: UserCode = NO_USER_CODE,
     ) -> None:  # fmt: skip
         self._user_code = user_code
+        self._maestro: MaestroSettings | None = None
         self._watched = watched
         self._changes = changes
         self._on_devices = on_devices
@@ -144,6 +149,11 @@ class SimulatorSession:
         self._vehicle = vehicle
         self._wiring = wiring
         self.record = Record(desired_m)
+
+    def fit(self, motor: AnyMotorSettings) -> Self:
+        """Have a Maestro with an ESC and a servo in place of the VESC, where the settings name one."""
+        self._maestro = motor if isinstance(motor, MaestroSettings) else None
+        return self
 
     def join(self, others_ready: Callable[[], Awaitable[object]]) -> None:
         """Make this car one of several: it waits for the others before anything moves, and a crash ends no drive."""
@@ -215,6 +225,14 @@ class SimulatorSession:
             own = OwnMotorEmulator(emulator_of("motor", self._user_code.motor), self._on_command)
             stack.push_async_callback(own.close)
             return own, f"motor.own.address={await own.start()}"
+        if (settings := self._maestro) is not None:
+            board = MaestroEmulator(
+                EmulatedEsc(esc_of(settings), self._on_command),
+                throttle=settings.throttle_channel, steering=settings.steering_channel,
+            )  # fmt: skip
+            board.start_serial(folder / "maestro")
+            stack.callback(board.close)
+            return board, f"motor.address=serial://{folder / 'maestro'}"
         vesc = VescEmulator(folder / "vesc", on_command=self._on_command)
         vesc.start()
         stack.callback(vesc.close)

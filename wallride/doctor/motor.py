@@ -8,6 +8,7 @@ from typing import Final
 
 from wallride.doctor.findings import Finding, fail, ok, warn
 from wallride.drivers.api import Health, LinkState, MotorState
+from wallride.drivers.pwm.driver import PwmMotor
 from wallride.drivers.vesc.driver import Vesc
 from wallride.drivers.vesc.replies import Firmware
 from wallride.runtime.control.battery import FULL_CELL_V, USB_ONLY_V, BatterySettings
@@ -26,7 +27,13 @@ MAX_BAD_REPLIES: Final = 15
 """Of about 65; a busy computer misses some."""
 _POLL_S: Final = 0.02
 
+NO_TIMEOUT: Final = "stay within reach of its switch; of a Maestro set the serial timeout: docs/devices.md"
 REMEDIES: Final = (
+    ("no such bus", "enable I2C (sudo raspi-config, or this computer's overlay), and see motor.bus"),
+    ("no acknowledgement", "check the board's supply and wires; i2cdetect -y 1 shows its address for motor.chip"),
+    ("group i2c", "sudo usermod -aG i2c USER, then log out and in again"),
+    ("no answer of a Maestro", "name its command port in motor.address, and set it to USB Dual Port"),
+    ("are wanted", "set this output to Servo without limits of speed and acceleration; see motor.throttle_channel"),
     ("no answer to FW_VERSION", "switch the VESC's battery on, check the port; switch it off and on"),
     ("not like a VESC", "name the VESC's own port in motor.address: another device has the same USB id"),
     ("no motor controller", "connect the VESC itself by USB, not another module"),
@@ -40,11 +47,12 @@ _OTHERWISE: Final = "check the VESC's power and USB cable, and switch it off and
 
 @dataclass(slots=True)
 class MotorReport:
-    """Answer of one look; state: the last report, None without one."""
+    """Answer of one look; state: the last report, None without one. bounds: what bounds the speed, in sentences."""
 
     health: Health
     state: MotorState | None = None
     firmware: Firmware | None = None
+    bounds: tuple[str, ...] = ()
 
 
 async def look_at_motor(settings: AnyMotorSettings, *, patience_s: float = PATIENCE_S) -> MotorReport:
@@ -58,6 +66,7 @@ async def look_at_motor(settings: AnyMotorSettings, *, patience_s: float = PATIE
         while time.monotonic() < min(give_up_s, observed_until_s) and not running.done():
             if driver.state is not None:
                 report.state = driver.state
+                report.bounds = driver.words if isinstance(driver, PwmMotor) else ()
                 observed_until_s = min(observed_until_s, time.monotonic() + OBSERVED_S)
             elif driver.health.link is LinkState.ABSENT and driver.health.message != Health().message:
                 break
@@ -83,6 +92,7 @@ def judge_motor(report: MotorReport, battery: BatterySettings) -> list[Finding]:
         found.append(
             warn("motor line", f"{bad} replies damaged or missing", "a short USB cable with a ferrite, off the motor's")
         )
+    found += [warn("motor timeout", words, NO_TIMEOUT) for words in report.bounds if "timeout" in words]
     return [*found, *([] if math.isnan(state.voltage_v) else [judge_battery(state.voltage_v, battery)])]
 
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from wallride.doctor.ports import serial_paths
-from wallride.runtime.app import history_file
 from wallride.runtime.recording.own_parts_memory import file_in
 from wallride.runtime.settings.recording import car_folder
 from wallride.runtime.settings.tree import Settings
@@ -29,7 +28,7 @@ def colliding_places(settings: Settings, files: Sequence[Path | None]) -> list[s
         for other, folder in kept.items()
         if path.is_relative_to(folder)
     ]
-    history = history_file(settings)
+    history = settings.parameters.history_path
     if history is not None and not found and not _may_be_history(history):
         found.append(f"parameters.history_file = {history}: is there, and is no history of changes: name another file")
     return found
@@ -37,7 +36,7 @@ def colliding_places(settings: Settings, files: Sequence[Path | None]) -> list[s
 
 def _written(settings: Settings) -> Iterator[tuple[str, Path]]:
     yield "recording.folder", car_folder(settings.recording, settings.car.name)
-    if (history := history_file(settings)) is not None:
+    if (history := settings.parameters.history_path) is not None:
         yield "parameters.history_file", history
     if (parts := file_in(settings.process.state_folder)) is not None:
         yield "the own parts in process.state_folder", parts

@@ -1,0 +1,67 @@
+"""The speed by scans: true where walls tell it, unknown between bare walls, whatever the lidar."""
+
+import math
+
+import numpy as np
+import pytest
+
+from wallride.drivers.api import MotorState
+from wallride.drivers.pwm.speed_loop import SURE_MPS
+from wallride.runtime.control.perception.scan_speed import ScanSpeed
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.virtual.closed_loop import as_scan
+from wallride.sim.world.beams import LidarSettings, scan
+from wallride.sim.world.pose import Pose, Twist
+from wallride.sim.world.worlds import load_world
+
+CAR = CarSettings()
+LIDAR = LidarSettings(noise_std_m=0.01)
+STEERING_RAD = 0.15
+STILL = Twist(0.0, 0.0, 0.0)
+
+
+def estimates(world, speed_mps, *, rate_hz=40.0, seconds=2.0, steering_rad=0.0, pose=None):
+    """Return (time, speed, spread) of a car that drives at a speed from the first scan on."""
+    place, learns, rng = load_world(world), ScanSpeed(CAR), np.random.default_rng(3)
+    pose = pose or place.start
+    x_m, y_m, yaw_rad = pose.x_m, pose.y_m, pose.yaw_rad
+    motor = MotorState(0.0, 0.0, 0.0, steering_rad)
+    found = []
+    for number in range(round(seconds * rate_hz)):
+        now_s = number / rate_hz
+        sent_mm = scan(place, Pose(x_m, y_m, yaw_rad), STILL, now_s, rng, LIDAR)
+        told = learns.learn(as_scan(sent_mm, LIDAR, now_s, number), motor)
+        found.append((now_s, told.speed_mps, told.spread_mps))
+        turn_rad = speed_mps / rate_hz * math.tan(steering_rad) / CAR.wheelbase_m
+        x_m += speed_mps / rate_hz * math.cos(yaw_rad + turn_rad / 2)
+        y_m += speed_mps / rate_hz * math.sin(yaw_rad + turn_rad / 2)
+        yaw_rad += turn_rad
+    return np.array(found)
+
+
+@pytest.mark.parametrize("rate_hz", [40.0, 10.0])
+@pytest.mark.parametrize("speed_mps", [-0.5, 0.0, 0.5, 1.0, 2.0])
+def test_the_speed_is_told_in_a_loop(speed_mps, rate_hz):
+    later = estimates("loop", speed_mps, rate_hz=rate_hz)[round(rate_hz) :]
+    assert np.abs(later[:, 1].mean() - speed_mps) < 0.03
+    assert np.abs(later[:, 1] - speed_mps).max() < 0.25
+    assert (later[:, 2] < SURE_MPS).all()
+
+
+def test_the_speed_is_told_in_a_bend():
+    later = estimates("loop", 1.0, steering_rad=STEERING_RAD, seconds=1.5)[40:]
+    assert np.abs(later[:, 1].mean() - 1.0) < 0.05
+
+
+def test_between_bare_walls_nothing_is_told():
+    later = estimates("corridor", 1.0)[40:]
+    assert (later[:, 2] > SURE_MPS).all()
+
+
+def test_a_gap_begins_anew():
+    learns, place = ScanSpeed(CAR), load_world("loop")
+    rng = np.random.default_rng(1)
+    for number, now_s in enumerate([0.0, 0.025, 0.05, 3.0]):
+        sent_mm = scan(place, place.start, STILL, now_s, rng, LIDAR)
+        told = learns.learn(as_scan(sent_mm, LIDAR, now_s, number), None)
+    assert told.spread_mps > SURE_MPS

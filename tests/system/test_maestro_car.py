@@ -1,0 +1,22 @@
+"""A car with a Maestro before the unmodified process, in real time: its scans alone tell the speed."""
+
+import json
+
+from wallride.cli import main
+
+
+def test_it_follows_the_wall_at_one_metre_a_second(tmp_path):
+    result = tmp_path / "summary.json"
+    options = ["--headless", "--duration", "14", "--json", str(result)]
+    driven = ["--set", "motor.driver=maestro", "--set", "wall_follow.speed_mps=1.0"]
+    assert main(["sim", "loop", *options, *driven]) == 0
+    summary = json.loads(result.read_text())
+    assert not summary["collided"]
+    assert summary["distance_m"] > 8.0
+    assert summary["mean_abs_error_m"] < 0.10
+    assert 0.9 < summary["mean_speed_mps"] < 1.1
+
+
+def test_a_board_that_cannot_be_emulated_there_is_refused(capsys):
+    assert main(["sim", "--headless", "--set", "motor.driver=pca9685"]) == 2
+    assert "pca9685" in capsys.readouterr().err
