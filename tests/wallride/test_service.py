@@ -160,3 +160,12 @@ def test_the_unit_has_the_link_that_stays_and_not_the_version_behind_it(tmp_path
     used.symlink_to(version)
     assert options._prefix(used, version) == used
     assert options._prefix(tmp_path / "none", version) == version
+
+
+def test_what_an_account_tool_says_in_two_lines_is_one_sentence(tmp_path, monkeypatch):
+    tool = tmp_path / "groupadd"
+    tool.write_text("#!/bin/sh\necho 'no such file' >&2\necho 'cannot lock' >&2\nexit 10\n")
+    tool.chmod(0o755)
+    monkeypatch.setattr("wallride.service.parts.shutil.which", lambda *_, **__: str(tool))
+    with pytest.raises(parts.ServiceError, match=r"^groupadd: no such file; cannot lock$"):
+        parts._call(tmp_path, "groupadd")

@@ -165,7 +165,8 @@ def _call(root: Path, *command: str) -> None:
     below = [] if root == Path("/") else ["--prefix", str(root)]
     done = subprocess.run([path, *below, *arguments], capture_output=True, text=True, check=False)
     if done.returncode != 0:
-        raise ServiceError(f"{program}: {done.stderr.strip() or f'exit code {done.returncode}'}")
+        said = "; ".join(done.stderr.strip().splitlines())
+        raise ServiceError(f"{program}: {said or f'exit code {done.returncode}'}")
 
 
 def _numbers(root: Path) -> tuple[int, int]:
