@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from wallride.runtime.ros.yaml_file import YamlFile
 
 MAX_SPEED = "car.max_speed_mps"
-KINDS = ("generic", "mit-racecar-v2", "f1tenth")
+KINDS = ("generic", "mit-racecar-v2", "f1tenth", "donkeycar", "racecar-neo", "mushr")
 
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
