@@ -17,13 +17,20 @@ NAMES = (
     "car.steering_rate_radps", *SERVO_ENDS, *OUTLINE_WORDS,
 )  # fmt: skip
 
+PULSES = "motor.throttle_us_per_mps"
+"""A setting of cars by servo pulses only."""
+
 
 def current_values(car: RemoteCar, path: Path | None) -> Mapping[str, float]:
-    """Return the values that the car drives with; CalibrationError where its file has others.
+    """Return the values that the car drives with; CalibrationError where its file has others, or it has no tachometer.
 
     path: None for no file.
     """
     known = car.parameters.describe()
+    if PULSES in known:
+        raise CalibrationError(
+            f"{car.name} has no tachometer to calibrate by: measure its pulses by hand (docs/devices.md)"
+        )
     now = {name: float(known[name]["value"]) for name in NAMES if name in known}
     if path is None:
         return now

@@ -62,7 +62,7 @@ class ScanSpeed:
             self._key_s += step_s
             if abs(self._state[0]) > KEY_M or abs(self._turn_rad) > KEY_RAD or self._key_s > KEY_S or found is None:
                 self._take_key(patches)
-        spread_mps = math.sqrt(self._covariance[1, 1])
+        spread_mps = math.sqrt(max(self._covariance[1, 1], 0.0))
         self.estimate = EstimatedSpeed(scan.stamp_s, float(self._state[1]), spread_mps)
         return self.estimate
 

@@ -11,6 +11,7 @@ from wallride.clients.calibration.steps import OUTLINE_WORDS, CalibrationProgres
 from wallride.clients.calibration.ways import CalibrationError
 from wallride.clients.teleop import terminal
 from wallride.runtime.calibration.proposals import Proposal
+from wallride.runtime.parameters.catalogue import values
 from wallride.runtime.settings.tree import load_settings
 
 NEW = Proposal("car.wheelbase_m", 0.25, 0.331, "0.330 to 0.332")
@@ -56,6 +57,14 @@ def test_another_car_s_file_is_refused(car_toml):
     assert current_values(car_with(), car_toml) == {"car.wheelbase_m": 0.25}
     with pytest.raises(CalibrationError, match=r"drives with 0\.33"):
         current_values(car_with(wheelbase_m=0.33), car_toml)
+
+
+def test_a_car_without_a_tachometer_is_refused_before_it_moves(car_toml):
+    car = car_with()
+    pulses = {name for name in values(load_settings(None, ["motor.driver=maestro"])) if name.startswith("motor.")}
+    car.parameters.described.update({name: {"value": 1.0} for name in pulses})
+    with pytest.raises(CalibrationError, match=r"no tachometer.*docs/devices\.md"):
+        current_values(car, car_toml)
 
 
 def test_only_what_is_accepted_is_written(car_toml, monkeypatch, capsys):

@@ -145,7 +145,7 @@ MATRIX: Final[Sequence[Fault]] = (
           "tests/drivers/test_link.py::test_a_second_user_of_a_port_is_told_that_it_is_held", ("11", "15")),
     Fault(MOTOR, "commands only on change", "sent again at every tick", "-", STORIES + "test_it_ticks_on_in_silence",
           ("10",)),
-    Fault(MOTOR, "PWM board lost or reset", "named within 0.15 s; brake, then neutral when it is back; a PCA9685"
+    Fault(MOTOR, "PWM board lost or reset", "named within 0.5 s; brake, then neutral when it is back; a PCA9685"
           " without its bus goes on with its last pulse", "by itself after neutral with a permit",
           "tests/system/test_pwm_car.py::test_a_lost_board_stops_the_car_with_its_reason_and_it_comes_back"),
     Fault(MOTOR, "PWM car whose scans tell no speed", "slower, said", "by itself",
