@@ -26,6 +26,7 @@ FIELDS: Mapping[str, str] = MappingProxyType(
         topics.SAFETY: "drive.speed",
         topics.TELEOP: "drive.speed",
         topics.ODOM: "twist.twist.linear.x",
+        topics.POSE: "pose.pose.position.x",
         topics.MOTOR: "velocity.0",
         topics.BATTERY: "voltage",
         topics.IMU: "angular_velocity.z",

@@ -3,6 +3,7 @@
 import argparse
 import asyncio
 import json
+import math
 import time
 from collections.abc import Container, Iterator, Mapping
 from typing import Any
@@ -158,6 +159,7 @@ def _device_rows(status: Status) -> Iterator[tuple[str, str]]:
         since = "recovered since the start" if health["link"] == "ready" else "since the start"
         yield device, f"{health['link']}: {health['message']}{f'; {since}: {counts}' if counts else ''}"
     yield "window", "; ".join(status["window"]) or "clean"
+    yield "pose", pose_words(status.get("pose") or {})
     yield "own parts", own_parts_words(status.get("own_parts") or {})
 
 
@@ -198,6 +200,22 @@ def computer_words(computer: Mapping[str, Any]) -> str:
     temperature_c = computer.get("temperature_c")
     warmth = f"{temperature_c:.0f} C ({computer.get('zone')})" if temperature_c is not None else ""
     return ", ".join(filter(None, (warmth, str(computer.get("trouble") or ""))))
+
+
+def pose_words(pose: Mapping[str, Any]) -> str:
+    """Return a line on the place on the map; "" for a car without a map."""
+    if not pose:
+        return ""
+    on = f"on {pose['map']}: "
+    if pose["whereabouts"] == "located":
+        turn_deg = math.degrees(pose["yaw_rad"])
+        fits = f", {100 * pose['fits']:.0f} % of the beams fit" if pose["fits"] is not None else ""
+        place = f"x {pose['x_m']:.2f} m, y {pose['y_m']:.2f} m, {turn_deg:.0f} deg"
+        return f"{on}{place}, known to {100 * pose['std_m']:.0f} cm{fits}"
+    if pose["whereabouts"] == "ambiguous":
+        alike = "; ".join(f"x {x_m:.1f} m, y {y_m:.1f} m" for x_m, y_m, _ in pose["alike"])
+        return f"{on}AMBIGUOUS: these places look alike: {alike}"
+    return f"{on}{'LOST, it is looked for everywhere' if pose['whereabouts'] == 'lost' else 'being looked for'}"
 
 
 def own_parts_words(own_parts: Mapping[str, Any]) -> str:

@@ -42,6 +42,7 @@ from wallride.runtime.tasks.computer import ComputerWatch
 from wallride.runtime.tasks.health import HealthMonitor
 from wallride.runtime.tasks.own_law import OwnLawWatch
 from wallride.runtime.tasks.own_parts import OwnPartsKeeper
+from wallride.runtime.tasks.pose import PoseFinder
 from wallride.runtime.tasks.scan_cycle import ScanCycle
 from wallride.runtime.tasks.standstill import STANDS_BELOW_MPS, Standstill
 from wallride.runtime.tasks.telemetry import Telemetry
@@ -73,6 +74,7 @@ class CarSurroundings:
     reading_s: duration of the newest scan's read from the kernel, where the lidar measures it.
     scan_phase: the one around which the devices schedule. wall_clock: the computer's, where it may be set.
     computer: watches the computer, where there is a real one. joystick: a gamepad on the car itself.
+    pose: finds the pose on a map, where there is one.
     rehearsal: what is done between two scans, where the process has the computer to itself.
     """
 
@@ -84,6 +86,7 @@ class CarSurroundings:
     computer: ComputerWatch | None = None
     joystick: LocalOperator | None = None
     rehearsal: Rehearsal | None = None
+    pose: PoseFinder | None = None
 
 
 class Car:
@@ -124,7 +127,7 @@ class Car:
             self.queue, motor, self.limiter, REQUIRED, self.decision_log.clock, self.stages, self.decision_log
         )
         self.standstill = Standstill(motor, lambda: self.mux.output, clock)
-        self.joystick = around.joystick
+        self.joystick, self.pose = around.joystick, around.pose
         self.computer, self._rehearsal = around.computer, around.rehearsal
         self._add_people()
         self._add_watches()
@@ -178,6 +181,8 @@ class Car:
             wall_clock=self.wall_clock, side=lambda: self.settings.wall_follow.side, ball_m=lambda: self.laws.path_m,
         )  # fmt: skip
         self.side_work = self.telemetry.side_work
+        if self.pose is not None:
+            self.pose.publish = self.telemetry.on_pose
 
     def connect(self) -> None:
         """Declare the incoming keys on the bus: an operator's commands and requests about parameters."""
@@ -226,16 +231,12 @@ class Car:
                 await end(keeper)
 
     def _start(self, tasks: asyncio.TaskGroup) -> list[asyncio.Task[Any]]:
-        settings, motor = self.settings, self.motor
-        for_safety: Inbox[Scan] = Inbox()
-        for_follower: Inbox[Scan] = Inbox()
-        beside = self.side_work
+        motor, kept_in = self.motor, self.settings.parameters.history_path
+        for_safety, for_follower = Inbox[Scan](), Inbox[Scan]()
+        beside, guarded = self.side_work, self.side_work.guarded
         cycle = ScanCycle(
             self.stages.follow, self.mux.decide_now, beside.guarded("telemetry", self.telemetry.on_guidance),
-            [
-                self.scan_speed.learn, beside.guarded("learning", lambda _scan: self.laws.learn()),
-                beside.guarded("timing", self._afterwards),
-            ],
+            [self.scan_speed.learn, guarded("learning", self._learn), guarded("timing", self._afterwards)],
         )  # fmt: skip
         jobs = {
             "lidar": lidar_task.pump(
@@ -252,8 +253,7 @@ class Car:
             "timer": self._periodic_timer().run(),
             "own_parts": beside.keep("the file of own parts", self.own_parts.keep),
             "parameters": beside.keep(
-                "the history of parameters",
-                lambda: parameters.keep_history(self.history, settings.parameters.history_path),
+                "the history of parameters", lambda: parameters.keep_history(self.history, kept_in)
             ),
             "telemetry": beside.keep("telemetry", self.telemetry.run),
         }  # fmt: skip
@@ -266,6 +266,11 @@ class Car:
     def _publish(self, output: Output) -> None:
         self.driving_state.update(output)
         self.telemetry.on_output(output)
+
+    def _learn(self, scan: Scan) -> None:
+        self.laws.learn()
+        if self.pose is not None:
+            self.pose.learn(scan, self.stack.answered_with)
 
     def _afterwards(self, scan: Scan) -> None:
         """Do what else can wait until a scan is answered."""
@@ -290,8 +295,7 @@ class Car:
         timer = PeriodicTimer(clock, self.scan_phase.clear_s)
         silence = mux_task.SilenceTick(self.queue, settings.mux.tick_hz, clock, self.stages.on_tick)
         timer.every(1 / settings.mux.tick_hz, silence.tick)
-        desk_ticker = operator.DeskTicker(self.operator, self.motor, self._beat)
-        timer.every(1 / settings.operator.beat_hz, desk_ticker.tick)
+        timer.every(1 / settings.operator.beat_hz, operator.DeskTicker(self.operator, self.motor, self._beat).tick)
         if self.joystick is not None:
             timer.every(1 / settings.operator.beat_hz, self._ask_joystick)
         if settings.planners.enabled:
@@ -313,17 +317,12 @@ class Car:
 
     def _health_monitor(self) -> HealthMonitor:
         monitor = HealthMonitor(
-            lidar=self.lidar,
-            motor=self.motor,
-            output=lambda: self.mux.output,
-            emergency_stop=self.emergency_stop,
-            rearm=self.operator.rearm,
-            manager=self.manager,
-            clock=self.clock,
+            lidar=self.lidar, motor=self.motor, output=lambda: self.mux.output, emergency_stop=self.emergency_stop,
+            rearm=self.operator.rearm, manager=self.manager, clock=self.clock,
             retry_faults=self.settings.operator.permit == "always",
             lidar_doubt=lambda: self.laws.plausibility.lidar_doubt,
             motor_doubt=lambda: self.laws.plausibility.motor_doubt,
-        )
+        )  # fmt: skip
         self.operator.waits = monitor.is_waiting
         return monitor
 
@@ -346,6 +345,7 @@ class Car:
             slowest_mps=self.settings.motor.min_speed_mps,
             battery=self.battery.status,
             computer=self.computer.status if self.computer is not None else dict,
+            pose=self.pose.status if self.pose is not None else dict,
             operator=self.operator.view,
             held=lambda: self.operator.command,
             planners=self.planners.status,

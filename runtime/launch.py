@@ -33,6 +33,7 @@ from wallride.runtime.host.scheduling import ask_for_precedence, keep_for_this_t
 from wallride.runtime.host.stop_signals import STOP_SIGNALS, STOP_SIGNALS_HELD
 from wallride.runtime.host.user_module import is_of_the_process, shown, told
 from wallride.runtime.lidars import lidar_for, motion_of, motor_for
+from wallride.runtime.map_files import MapError, read_map
 from wallride.runtime.own_drivers.driver_class import loaded_driver_files
 from wallride.runtime.own_drivers.lidar import OwnLidar
 from wallride.runtime.own_drivers.motor import OwnMotor
@@ -45,6 +46,7 @@ from wallride.runtime.scan_topic import TopicLidar
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.tasks import parameters
 from wallride.runtime.tasks.computer import ComputerWatch
+from wallride.runtime.tasks.pose import PoseFinder
 from wallride.runtime.teleop.local_operator import LocalOperator
 from wallride.runtime.wire.car_bus import CarBus
 from wallride.runtime.wire.network import PortTakenError
@@ -297,6 +299,7 @@ def _car(
         ComputerWatch(read_computer),
         joystick,
         rehearsal if settings.process.rehearse else None,
+        _pose_finder(settings),
     )
     car = Car(settings, lidar, motor, bus, clock, around)
     _hear_inertia(motor, car)
@@ -305,6 +308,18 @@ def _car(
     if (history := settings.parameters.history_path) is not None:
         parameters.read_history(car.history, history)
     return car, bus, devices
+
+
+def _pose_finder(settings: Settings) -> PoseFinder | None:
+    """Return what finds the pose on the map of the settings, None without a map; LaunchError for an unusable one."""
+    if not settings.map.file:
+        return None
+    try:
+        known = read_map(Path(settings.map.file).expanduser())
+    except MapError as error:
+        raise LaunchError(f"map.file: {error}") from None
+    log.info("the pose is found on %s", settings.map.file)
+    return PoseFinder(known, settings.map.start, settings.car)
 
 
 def _devices(settings: Settings, clock: Clock, scan_phase: ScanPhase) -> Devices:

@@ -34,6 +34,7 @@ class LiveStack:
         self.laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, self.clock)
         self.limiter = Limiter(limits(settings.car))
         self._rate = ScanRate()
+        self.answered_with: MotorState | None = None  # the report with which the newest scan was answered
         decision_log.add_settings(settings)
 
     def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
@@ -53,7 +54,7 @@ class LiveStack:
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
         """Pass a scan to the follower and put its command; without an answer it is a standstill, with its reason."""
         self.decision_log.begin()
-        guidance = self.laws.follow(scan, motor)
+        guidance, self.answered_with = self.laws.follow(scan, motor), motor
         self.decision_log.add_follower(scan, motor, guidance)
         drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
         word = DriveCommand(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason, guidance.stuck)

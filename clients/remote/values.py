@@ -59,6 +59,18 @@ class OdometrySample:
 
 
 @dataclass(frozen=True, slots=True)
+class PoseSample:
+    """`pose`, frame map: the rear axle on the map, and its standard deviations; absent while it is not located."""
+
+    stamp_s: float
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    std_m: float
+    std_rad: float
+
+
+@dataclass(frozen=True, slots=True)
 class DriveSample:
     """`navigation`, `teleop`, `safety`, `output`: a speed and a steering angle."""
 
@@ -155,6 +167,7 @@ class FieldsSample:
 Value = (
     ScanSample
     | OdometrySample
+    | PoseSample
     | DriveSample
     | MotorSample
     | ImuSample
@@ -193,6 +206,12 @@ def _odometry(message: Any, _taken_s: float) -> OdometrySample:  # noqa: ANN401
     return OdometrySample(
         _stamp_s(message), pose.position.x, pose.position.y, _yaw_rad(pose.orientation), twist.linear.x, twist.angular.z
     )
+
+
+def _pose(message: Any, _taken_s: float) -> PoseSample:  # noqa: ANN401
+    place, covariance = message.pose.pose, message.pose.covariance
+    deviations = math.sqrt(covariance[0]), math.sqrt(covariance[35])
+    return PoseSample(_stamp_s(message), place.position.x, place.position.y, _yaw_rad(place.orientation), *deviations)
 
 
 def _drive(message: Any, _taken_s: float) -> DriveSample:  # noqa: ANN401
@@ -251,6 +270,7 @@ def _vector(vector: Any) -> Floats:  # noqa: ANN401
 _READERS: Final[Mapping[str, Callable[[Any, float], Value]]] = {
     TYPES[topics.SCAN]: _scan,
     TYPES[topics.ODOM]: _odometry,
+    TYPES[topics.POSE]: _pose,
     TYPES[topics.OUTPUT]: _drive,
     TYPES[topics.MOTOR]: _motor,
     TYPES[topics.IMU]: _imu,

@@ -54,6 +54,7 @@ NEVER_FROM_AFAR: Mapping[str, str] = {
     "recording.black_box_s": "decides what the black box keeps",
     "recording.simulated": "says that the car is simulated",
     "recording.world": "says that the car is simulated",
+    "map.": "names a map on its computer",
     "process.state_folder": "names a folder of its computer",
     "process.laws_folder": "names a folder of its computer",
     "parameters.history_file": "names a file of its computer",

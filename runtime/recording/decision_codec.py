@@ -106,7 +106,7 @@ def _encode_scan(_: _Batch, scan: Scan) -> list[Any]:
         scan.range_min_m,
         scan.range_max_m,
     )
-    return [scan.sequence, *map(_plain, numbers), scan.ranges_m.shape[0]]
+    return [scan.sequence, *map(_plain, numbers), scan.ranges_m.shape[0], _plain(scan.ray_s)]
 
 
 def _encode_look(batch: _Batch, scan: Scan, motor: MotorState | None, times_s: Sequence[float]) -> list[Any]:
@@ -174,10 +174,10 @@ def _events(message: Mapping[str, Any]) -> Iterator[Event]:
     for number, kind, *parts in message["events"]:
         match kind:
             case "scan":
-                sequence, stamp_s, received_s, first_rad, step_rad, least_m, most_m, beams = parts
+                sequence, stamp_s, received_s, first_rad, step_rad, least_m, most_m, beams, *rest = parts
                 yield ScanEvent(
                     number, sequence, float(stamp_s), float(received_s), float(first_rad), float(step_rad),
-                    float(least_m), float(most_m), beams,
+                    float(least_m), float(most_m), beams, float(rest[0]) if rest else 0.0,
                 )  # fmt: skip
             case "look":
                 sequence, motor, times_s = parts

@@ -41,12 +41,14 @@ class ScanEvent:
     range_min_m: float
     range_max_m: float
     beams: int
+    ray_s: float = 0.0
+    """0.0 also in recordings from before it was kept."""
 
     def scan(self, ranges_m: npt.NDArray[np.float32]) -> Scan:
         """Return the delivered scan, given the ranges of the LaserScan with the same sequence number."""
         return Scan(
             self.stamp_s, self.received_s, self.angle_min_rad, self.angle_step_rad, self.range_min_m,
-            self.range_max_m, ranges_m, self.sequence,
+            self.range_max_m, ranges_m, self.sequence, self.ray_s,
         )  # fmt: skip
 
 

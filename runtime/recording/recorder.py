@@ -54,6 +54,7 @@ PERIODS_S: Mapping[str, float] = MappingProxyType(
     {
         topics.OUTPUT: EVERY_ONE,
         topics.DISTANCE_ERROR: EVERY_ONE,
+        topics.POSE: EVERY_ONE,
         topics.IMU: 0.02,
         topics.SAFETY: 0.05,
         topics.NAVIGATION: 0.05,

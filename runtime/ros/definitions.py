@@ -27,6 +27,7 @@ TYPES: Mapping[str, str] = MappingProxyType(
         topics.BATTERY: "sensor_msgs/msg/BatteryState",
         topics.DIAGNOSTICS: "diagnostic_msgs/msg/DiagnosticArray",
         topics.TF: "tf2_msgs/msg/TFMessage",
+        topics.POSE: "geometry_msgs/msg/PoseWithCovarianceStamped",
     }
 )
 """Topics that carry CDR; the others are JSON (status, decision) or wallride's own format (beat)."""

@@ -15,7 +15,7 @@ from wallride.drivers.api import MotorState, Scan
 from wallride.drivers.value import value
 from wallride.runtime.ros.cdr import CdrWriter, Template
 
-BASE, LASER, ODOM = "base_link", "laser", "odom"
+BASE, LASER, ODOM, MAP = "base_link", "laser", "odom", "map"
 NS = 1_000_000_000
 MAX_SECONDS = 2**31 - 1
 
@@ -96,6 +96,17 @@ def odometry(stamp_ns: int, x_m: float, y_m: float, yaw_rad: float, speed_mps: f
     """Return nav_msgs/Odometry: base_link in odom, speeds in base_link."""
     place = x_m, y_m, 0.0, *_quaternion(yaw_rad)
     return _ODOMETRY.fill(*split_time(stamp_ns), *place, speed_mps, yaw_rate_radps)
+
+
+def pose(stamp_ns: int, x_m: float, y_m: float, yaw_rad: float, std_m: float, std_rad: float) -> bytes:
+    """Return geometry_msgs/PoseWithCovarianceStamped: base_link in map.
+
+    std_m: standard deviation in the worst direction, told of both; std_rad: of the heading.
+    """
+    covariance = [0.0] * 36
+    covariance[0] = covariance[7] = std_m**2
+    covariance[35] = std_rad**2
+    return _POSE.fill(*split_time(stamp_ns), x_m, y_m, 0.0, *_quaternion(yaw_rad), *covariance)
 
 
 def ackermann(stamp_ns: int, speed_mps: float, steering_rad: float) -> bytes:
@@ -215,6 +226,12 @@ def _odometry() -> Template:
     return out
 
 
+def _pose() -> Template:
+    out = _template(MAP)
+    out.holes("d" * (7 + 36))
+    return out
+
+
 def _ackermann() -> Template:
     out = _template(BASE)
     out.holes("fffff")
@@ -262,6 +279,6 @@ def _transforms(*names: str) -> Template:
     return out
 
 
-_SCAN, _ODOMETRY, _ACKERMANN, _FLOAT32, _IMU, _MOTOR = (
-    write() for write in (_scan, _odometry, _ackermann, _float32, _imu, _motor)
+_SCAN, _ODOMETRY, _POSE, _ACKERMANN, _FLOAT32, _IMU, _MOTOR = (
+    write() for write in (_scan, _odometry, _pose, _ackermann, _float32, _imu, _motor)
 )

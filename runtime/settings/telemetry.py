@@ -14,8 +14,8 @@ class RatesHz(Section):
     """Maximum rate of each topic; shaped for a Wi-Fi that ten cars share.
 
     A subscriber to all topics receives 1.3 Mbit/s, 0.7 of it scans; topics without subscribers are not published. 200
-    is "every one", of output, distance_error and imu; of everything else the newest, at most 20 or 25 a second, because
-    telemetry leaves in bursts.
+    is "every one", of output, distance_error, pose and imu; of everything else the newest, at most 20 or 25 a second,
+    because telemetry leaves in bursts.
     """
 
     output: Rate = 200.0
@@ -39,7 +39,9 @@ class RatesHz(Section):
     odom: Rate = 20.0
     """Maximum rate of wheel odometry; 0: off."""
     tf: Rate = 20.0
-    """Maximum rate of the frames odom, base_link and laser; 0: off."""
+    """Maximum rate of the frames map, odom, base_link and laser; 0: off."""
+    pose: Rate = 20.0
+    """Maximum rate of the pose on the map; 0: off."""
     motor: Rate = 20.0
     """Maximum rate of speed and steering as joint states; 0: off."""
     imu: Rate = 50.0

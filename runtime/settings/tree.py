@@ -45,6 +45,7 @@ from wallride.runtime.settings.joystick import JoystickSettings
 from wallride.runtime.settings.operator import OperatorSettings
 from wallride.runtime.settings.parameters import ParameterSettings
 from wallride.runtime.settings.planners import PlannerSettings
+from wallride.runtime.settings.pose_map import PoseMapSettings
 from wallride.runtime.settings.recording import RecordingSettings
 from wallride.runtime.settings.ros2 import Ros2Settings
 from wallride.runtime.settings.session import SessionSettings
@@ -127,6 +128,7 @@ class Settings(Section):
     wall_follow: ChosenWallFollow = BallFollowSettings()
     safety: ChosenSafety = SweptSafetySettings()
     battery: BatterySettings = BatterySettings()
+    map: PoseMapSettings = PoseMapSettings()
     mux: MuxSettings = MuxSettings()
     operator: OperatorSettings = OperatorSettings()
     joystick: JoystickSettings = JoystickSettings()

@@ -17,13 +17,15 @@ from typing import Any, Literal, Never
 from wallride.drivers.api import Scan
 from wallride.runtime.arbitration.command import Output
 from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.localization.localizer import PoseEstimate
 from wallride.runtime.control.perception.odometry import Odometry
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.host.side_work import SideWork
 from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.runtime.ros import messages
 from wallride.runtime.ros.definitions import TYPES
 from wallride.runtime.ros.graph import SCAN_BY_BEAM, TF_ODOM
-from wallride.runtime.ros.messages import Floats
+from wallride.runtime.ros.messages import Floats, Frame
 from wallride.runtime.telemetry import status as car_status
 from wallride.runtime.telemetry.sinks import Sink
 from wallride.runtime.telemetry.status import ObservedState
@@ -108,6 +110,30 @@ class Telemetry:
     def on_imu(self, stamp_s: float, turn_radps: Vector, acceleration_mps2: Vector) -> None:
         """Note an inertial measurement in base_link."""
         self._each.append((topics.IMU, stamp_s, partial(self._writers.imu, stamp_s, turn_radps, acceleration_mps2)))
+
+    def on_pose(self, estimate: PoseEstimate) -> None:
+        """Note the pose on the map at a scan, and where odom lies on the map."""
+        self._newest.odom_on_map = self._odom_on_map(estimate)
+        self._each.append((topics.POSE, estimate.stamp_s, partial(self._writers.pose, estimate)))
+
+    def _odom_on_map(self, estimate: PoseEstimate) -> Frame | None:
+        """Return odom in map; None while the car is not located. Odometry is carried on to the scan's stamp."""
+        motor, odom = self._newest.motor, self.journey.pose
+        if motor is None or math.isnan(estimate.x_m):
+            return None
+        since_s = estimate.stamp_s - motor.stamp_s
+        turn_rad = odom.yaw_rate_radps * since_s
+        heading_rad, way_m = odom.yaw_rad + 0.5 * turn_rad, odom.speed_mps * since_s
+        x_m, y_m = odom.x_m + way_m * math.cos(heading_rad), odom.y_m + way_m * math.sin(heading_rad)
+        yaw_rad = math.remainder(estimate.yaw_rad - odom.yaw_rad - turn_rad, math.tau)
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        return Frame(
+            messages.MAP,
+            messages.ODOM,
+            estimate.x_m - cos * x_m + sin * y_m,
+            estimate.y_m - sin * x_m - cos * y_m,
+            yaw_rad,
+        )
 
     def on_output(self, output: Output) -> None:
         """Note a decision, which the motor has already, and start the writing."""

@@ -99,7 +99,7 @@ class ObservedState:
     recording: state of the recorder. session: this start of the process, as in every heartbeat; 0 where there is none.
     own_parts: the known parts of the car that its lidar sees. hot_path: which functions run compiled, as text.
     condition: the car's state and what clears it. slowest_mps: below it the motor does not turn. battery: its
-        judgement. computer: temperature and throttling.
+        judgement. computer: temperature and throttling. pose: the place on the map, empty without one.
     """
 
     car: str
@@ -124,6 +124,7 @@ class ObservedState:
     slowest_mps: float = 0.0
     battery: Callable[[], Mapping[str, Any]] = dict
     computer: Callable[[], Mapping[str, Any]] = dict
+    pose: Callable[[], Mapping[str, Any]] = dict
 
 
 @dataclass(slots=True)
@@ -176,6 +177,7 @@ def status(observed: ObservedState, output: Output | None, journey: Journey) -> 
         "scan_to_motor_ms": journey.latency.fields(),
         "timings_us": observed.timings.fields() if observed.timings is not None else None,
         "distance_error": {"mean_abs_m": journey.score.mean_abs_m, "rms_m": journey.score.rms_m},
+        "pose": dict(observed.pose()),
         "odom": {"x_m": pose.x_m, "y_m": pose.y_m, "yaw_rad": pose.yaw_rad},
     }
 

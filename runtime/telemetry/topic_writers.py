@@ -8,6 +8,7 @@ from typing import Literal
 from wallride.drivers.api import LinkState, MotorState, Scan
 from wallride.runtime.arbitration.command import NO_WINNER, DriveCommand, Output, Source, SpeedLimit
 from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.localization.localizer import PoseEstimate
 from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.realtime.wall_clock import WallClock
@@ -35,6 +36,7 @@ class Newest:
     guided: tuple[Scan, Guidance] | None = None
     output: Output | None = None
     motor: MotorState | None = None
+    odom_on_map: Frame | None = None
 
 
 def laser_frame(car: CarSettings) -> Frame:
@@ -102,6 +104,14 @@ class TopicWriters:
     def imu(self, stamp_s: float, turn_radps: Vector, acceleration_mps2: Vector) -> Message:
         """Return `imu`, in base_link."""
         return stamp_s, messages.imu(self.unix_ns(stamp_s), turn_radps, acceleration_mps2)
+
+    def pose(self, estimate: PoseEstimate) -> Message | None:
+        """Return `pose` of a scan; None while the car is not located."""
+        if math.isnan(estimate.x_m):
+            return None
+        stamp_ns = self.unix_ns(estimate.stamp_s)
+        place = estimate.x_m, estimate.y_m, estimate.yaw_rad
+        return estimate.stamp_s, messages.pose(stamp_ns, *place, estimate.std_m, estimate.std_rad)
 
     def decision(self, output: Output) -> Message:
         """Return `decision` for a decision that need not be the newest."""
@@ -178,12 +188,13 @@ class TopicWriters:
         return self._transforms(self._laser)
 
     def _transforms(self, *fixed: Frame) -> Message | None:
-        """Return base_link in odom, and the fixed frames."""
+        """Return base_link in odom, odom in map while it is known, and the fixed frames."""
         state, pose = self._newest.motor, self._journey.pose
         if state is None:
             return None
         base = Frame(messages.ODOM, messages.BASE, pose.x_m, pose.y_m, pose.yaw_rad)
-        return state.stamp_s, messages.transforms(self.unix_ns(state.stamp_s), (base, *fixed))
+        above = () if self._newest.odom_on_map is None else (self._newest.odom_on_map,)
+        return state.stamp_s, messages.transforms(self.unix_ns(state.stamp_s), (*above, base, *fixed))
 
     def _motor(self) -> Message | None:
         state = self._newest.motor

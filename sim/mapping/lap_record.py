@@ -48,11 +48,16 @@ def read_record(path: Path, topic: str | None = None) -> LapRecord:
 
     topic: of the lidar, where there are several. Raises: RecordingError.
     """
+    log = own_log(path)
+    return record_of_log(log) if log is not None else record_of_recording(load_recording(path, topic))
+
+
+def own_log(path: Path) -> DriveLog | None:
+    """Return the content of a recording of wallride, None for another file."""
     if path.is_file() and is_mcap(path):
         log = read_log(path)
-        if log.is_ours:
-            return record_of_log(log)
-    return record_of_recording(load_recording(path, topic))
+        return log if log.is_ours else None
+    return None
 
 
 def record_of_recording(recording: Recording) -> LapRecord:

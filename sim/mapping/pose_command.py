@@ -11,8 +11,9 @@ import numpy as np
 
 from wallride.runtime.control.localization.localizer import Whereabouts
 from wallride.runtime.map_files import WALLS_SUFFIX, CarMap, MapError, read_map
-from wallride.sim.mapping.lap_record import LapRecord, read_record
+from wallride.sim.mapping.lap_record import LapRecord, own_log, read_record, record_of_log
 from wallride.sim.mapping.map_output import ABOUT, empty_picture
+from wallride.sim.mapping.own_poses import own_poses
 from wallride.sim.mapping.poses import PoseTrack, track
 from wallride.sim.racing.ring import driven_path
 from wallride.sim.recordings import RecordingError
@@ -32,9 +33,12 @@ def run(options: argparse.Namespace) -> int:
         known = read_map(options.map, read_occupancy)
     except MapError as error:
         raise RecordingError(str(error)) from error
-    record = read_record(options.file, options.topic)
+    log = own_log(options.file)
+    record = record_of_log(log) if log is not None else read_record(options.file, options.topic)
     found = track(record, known, None if options.anywhere else known.start)
     told = figures(found, _of_the_map(record, options.map))
+    if log is not None and (own := own_poses(log, known)) is not None:
+        told |= {"own_poses": own.recorded, "own_poses_same": own.same}
     output: Path = options.output or Path(f"{options.file.stem}.pose.csv")
     picture = output.with_suffix(".png")
     output.write_text(text_of(found, f"pose by wallride of {record.name} on {known.name}"), encoding="utf-8")
@@ -90,6 +94,13 @@ def summary(record: LapRecord, known: CarMap, found: PoseTrack, told: dict[str, 
         yield f"the wheels report {100 / told['scale'] - 100:+.1f} % of way"
     if told["losses_s"]:
         yield f"lost at {', '.join(f'{time_s:.1f} s' for time_s in told['losses_s'])}"
+    if "own_poses" in told:
+        same, recorded = told["own_poses_same"], told["own_poses"]
+        yield (
+            f"the car's own {recorded} poses are found again to the bit"
+            if same == recorded
+            else f"of the car's own {recorded} poses {same} are found again to the bit: another map or another version"
+        )
     if "off_path_rms_m" in told:
         yield (
             f"off the path of the map, which is of this drive: {100 * told['off_path_rms_m']:.1f} cm rms,"

@@ -14,7 +14,7 @@ from wallride.runtime.tasks import telemetry
 from wallride.runtime.wire import topics
 
 PUBLISHED = {*TYPES, *topics.JSON_TOPICS}
-APPENDED = {topics.OUTPUT, topics.DISTANCE_ERROR, topics.IMU}
+APPENDED = {topics.OUTPUT, topics.DISTANCE_ERROR, topics.IMU, topics.POSE}
 """Every message of these is sent: `Telemetry` appends them to `_each`."""
 SENT = {*telemetry.BY_SCAN, *telemetry.BY_GUIDANCE, *telemetry.BY_MOTOR, *telemetry.BY_OUTPUT, *APPENDED} - {
     TF_ODOM,

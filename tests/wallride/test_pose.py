@@ -1,12 +1,15 @@
 """`wallride pose` from the command line: a lap is mapped, and another drive is found on the map."""
 
 import json
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.sim.replay.recorded import record
 from wallride import cli
+from wallride.runtime.map_files import read_map
 
 FOLLOW = {"wall_follow": {"speed_mps": 4.0}}
 
@@ -36,6 +39,28 @@ def test_another_drive_is_found_where_the_laps_begin(folder, here, capsys):
     rows = [line.split("; ") for line in (here / "again.pose.csv").read_text().splitlines()[2:]]
     assert {row[6] for row in rows[2:]} == {"located"}
     assert np.array(rows[0][1:4], float) == pytest.approx(np.zeros(3), abs=0.05)
+
+
+def test_a_car_with_the_map_finds_and_records_the_same_poses_to_the_bit(folder, here, capsys):
+    map_ = folder / "lab.yaml"
+    sections = {"wall_follow": {"speed_mps": 3.0}, "map": {"file": str(map_)}}
+    car, twin = record(here / "own.mcap", seconds=5.0, sections=sections, known=read_map(map_))
+    pose = car.status()["pose"]
+    assert pose["whereabouts"] == "located"
+    began = twin.world.start
+    off = complex(twin.vehicle.pose.x_m - began.x_m, twin.vehicle.pose.y_m - began.y_m)
+    assert abs(complex(pose["x_m"], pose["y_m"]) - off) < 0.5, "it has braked since"
+    assert cli.main(["pose", "own.mcap", str(map_), "--json", "-"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["own_poses"] > 150
+    assert told["own_poses_same"] == told["own_poses"]
+
+
+def test_poses_of_another_map_are_told(folder, here, capsys):
+    other = replace(read_map(folder / "lab.yaml"), scale=0.9)
+    record(here / "own.mcap", seconds=2.0, sections={"map": {"file": "other/lab.yaml"}}, known=other)
+    assert cli.main(["pose", "own.mcap", str(folder / "lab.yaml")]) == 0
+    assert re.search(r"of the car's own \d+ poses \d are found again to the bit: another map", capsys.readouterr().out)
 
 
 def test_the_mapped_drive_itself_keeps_to_the_path_of_the_map(folder, capsys):

@@ -7,6 +7,7 @@ import { because } from "./mux.js";
 export const START = "Start one: make sim here, or wallride run on the car.";
 
 const STATE_MOODS = { driving: "good", "waiting for device": "bad", "e-stopped": "bad", "fault (latched)": "bad" };
+const POSE_MOODS = { located: "good", ambiguous: "warn", lost: "bad" };
 const LOW_CELL_V = 3.4;
 const EMPTY_CELL_V = 3.2;
 const CELL_V = [[18, 6], [13.5, 4], [9.2, 3], [0, 2]];
@@ -25,6 +26,8 @@ export class Condition {
     this.#device("motor", status.motor);
     const window = status.window ?? [];
     this.#line("window", window.length ? "warn" : "good", window.length ? windowWords(window) : "clean");
+    setHidden($("line-pose"), !status.pose?.map);
+    if (status.pose?.map) this.#line("pose", POSE_MOODS[status.pose.whereabouts] ?? "plain", poseWords(status.pose));
     this.#line("own-parts", "plain", ownPartsWords(status.own_parts?.patches ?? []));
     this.#line("fault", status.fault ? "bad" : "good", status.fault || "none");
     this.#battery(status.battery);
@@ -189,6 +192,13 @@ export function showCars(select, cars, watching) {
   if (watching && select.value !== watching) select.value = watching;
   setHidden(select, names.length === 0);
   return before !== after;
+}
+
+function poseWords(pose) {
+  if (pose.whereabouts === "ambiguous") return `on ${pose.map}: these places look alike: ${pose.alike.map(([x, y]) => `x ${number(x, 1)} m, y ${number(y, 1)} m`).join("; ")}`;
+  if (pose.whereabouts !== "located") return `on ${pose.map}: ${pose.whereabouts === "lost" ? "lost, it is looked for everywhere" : "being looked for"}`;
+  const fits = pose.fits === null ? "" : `, ${number(100 * pose.fits, 0)} % of the beams fit`;
+  return `on ${pose.map}: x ${number(pose.x_m, 2)} m, y ${number(pose.y_m, 2)} m, ${number((180 / Math.PI) * pose.yaw_rad, 0)}°, known to ${number(100 * pose.std_m, 0)} cm${fits}`;
 }
 
 function ownPartsWords(patches) {

@@ -85,7 +85,7 @@ async def test_everything_that_telemetry_says_is_in_it_for_every_reader(tmp_path
     drive.recorder.finish()
     (path,) = recordings(tmp_path)
     decoded = decoded_by_ros2_support(path)
-    silent = {topics.TELEOP, topics.JOY, topics.IMU}
+    silent = {topics.TELEOP, topics.JOY, topics.IMU, topics.POSE}
     told = {*TYPES, *topics.JSON_TOPICS} - silent
     assert set(decoded) == {f"/{topic}" for topic in told} | {"/tape", "/settings"}
     assert decoded["/scan"] == len(drive.scans)

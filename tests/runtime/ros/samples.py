@@ -21,6 +21,7 @@ LINES = np.array([[0.0, 1.0, 2.0], [0.5, 0.25, -0.5]])
 SAMPLES = {
     topics.SCAN: messages.laser_scan(STAMP_NS, SCAN, 0.025),
     topics.ODOM: messages.odometry(STAMP_NS, 1.0, -2.0, 0.5, 1.5, 0.25),
+    topics.POSE: messages.pose(STAMP_NS, 1.0, -2.0, 0.5, 0.25, 0.125),
     topics.NAVIGATION: messages.ackermann(STAMP_NS, 2.0, -0.125),
     topics.SAFETY: messages.ackermann(STAMP_NS, 0.5, -0.125),
     topics.TELEOP: messages.ackermann(STAMP_NS, -0.5, 0.25),

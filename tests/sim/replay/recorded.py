@@ -4,7 +4,7 @@ import argparse
 import asyncio
 from importlib.metadata import version
 
-from wallride.runtime.app import Car
+from wallride.runtime.app import Car, CarSurroundings
 from wallride.runtime.recording import channels
 from wallride.runtime.recording.channels import RecordMessage
 from wallride.runtime.recording.decision_log import DecisionLog
@@ -14,6 +14,7 @@ from wallride.runtime.recording.mcap_file import McapFile
 from wallride.runtime.recording.transcriber import Transcriber
 from wallride.runtime.ros.definitions import TYPES
 from wallride.runtime.settings.tree import Settings
+from wallride.runtime.tasks.pose import PoseFinder
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.ports import free_endpoint
 from wallride.sim.virtual.devices import MemoryBus
@@ -52,10 +53,14 @@ class Restless:
         return self.loop_time() + 1e-7 * self.looks
 
 
-def record(path, *, world="loop", seconds=6.0, events=(), obstacles=(), sections=None, start=None, forgets=0):
+def record(
+    path, *, world="loop", seconds=6.0, events=(), obstacles=(), sections=None, start=None, forgets=0,
+    known=None,
+):  # fmt: skip
     """Drive and write it down; returns the car and its world.
 
     events are (time, function of the car). forgets: so many events behind the settings are not in the decision log.
+    known: a map to find the pose on.
     """
     settings = Settings.model_validate({**SETTINGS, **(sections or {})})
     kept = {}
@@ -66,7 +71,9 @@ def record(path, *, world="loop", seconds=6.0, events=(), obstacles=(), sections
         twin = TwinWorld(load_world(world, side="left", seed=0), loop.time, obstacles=obstacles, start=start)
         decision_log.add_settings(settings)
         motor = WorldMotor(twin, loop.time)
-        car = Car(settings, WorldLidar(twin, loop.time), motor, MemoryBus(loop.time), decision_log.clock)
+        pose = PoseFinder(known, settings.map.start, settings.car) if known is not None else None
+        around = CarSurroundings(pose=pose)
+        car = Car(settings, WorldLidar(twin, loop.time), motor, MemoryBus(loop.time), decision_log.clock, around)
         car.connect()
         facts = {"car": settings.car.name, "version": version("wallride"), "laws": laws_fingerprint()}
         file = McapFile(path, RealDisk(), facts, "wallride")

@@ -1,0 +1,72 @@
+"""The poses that a car found itself while it drove, against the same scans laid over the map again."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from wallride.runtime.control.localization.localizer import Localizer, PoseEstimate
+from wallride.runtime.map_files import CarMap
+from wallride.runtime.recording.decision_log import FollowerEvent, ScanEvent
+from wallride.runtime.ros.messages import NS
+from wallride.runtime.wire import topics
+from wallride.sim.replay.decode import decode
+from wallride.sim.replay.drive_log import DriveLog
+from wallride.sim.replay.reenact import events_of
+from wallride.sim.replay.settings_text import settings_of
+
+SAME_SCAN_S: Final = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class OwnPoses:
+    """How many poses the car has recorded, and how many of them are found again to the bit."""
+
+    recorded: int
+    same: int
+
+
+def own_poses(log: DriveLog, known: CarMap) -> OwnPoses | None:
+    """Return the comparison; None where the car found no pose, or on another map."""
+    settings = settings_of(log, laws=False)
+    recorded = list(log.of(topics.POSE))
+    if not recorded or Path(settings.map.file).stem != known.name:
+        return None
+    found, ahead_s = _found_again(log, known)
+    stamps_s = np.array([one.stamp_s for one in found])
+    same = 0
+    for message in recorded:
+        place = int(np.argmin(np.abs(stamps_s - (message.stamp_ns / NS - ahead_s)))) if found else 0
+        near = found and abs(stamps_s[place] - (message.stamp_ns / NS - ahead_s)) < SAME_SCAN_S
+        same += bool(near) and _is_same(decode(message).pose, found[place])
+    return OwnPoses(len(recorded), same)
+
+
+def _found_again(log: DriveLog, known: CarMap) -> tuple[list[PoseEstimate], float]:
+    """Return the estimates by the very scans and reports that the car had, and how far its stamps are behind 1970."""
+    settings = settings_of(log, laws=False)
+    start = known.start if settings.map.start == "lap" else None
+    localizer = Localizer(known.field, settings.car, start, known.scale)
+    messages = {message.sequence: message for message in log.of(topics.SCAN)}
+    scans: dict[int, ScanEvent] = {}
+    found: list[PoseEstimate] = []
+    ahead_s = 0.0
+    for event in events_of(log):
+        if isinstance(event, ScanEvent) and event.sequence in messages:
+            scans[event.sequence] = event
+            ahead_s = messages[event.sequence].stamp_ns / NS - event.stamp_s
+        elif isinstance(event, FollowerEvent) and (taken := scans.pop(event.sequence, None)) is not None:
+            ranges_m = np.array(decode(messages[event.sequence]).ranges, np.float32)
+            found.append(localizer.take(taken.scan(ranges_m), event.motor))
+    return found, ahead_s
+
+
+def _is_same(told: Any, found: PoseEstimate) -> bool:  # noqa: ANN401 - a message as it was decoded
+    place, turn, covariance = told.pose.position, told.pose.orientation, told.covariance
+    return bool(
+        (place.x, place.y) == (found.x_m, found.y_m)
+        and (turn.z, turn.w) == (math.sin(found.yaw_rad / 2), math.cos(found.yaw_rad / 2))
+        and (covariance[0], covariance[35]) == (found.std_m**2, found.std_rad**2)
+    )
