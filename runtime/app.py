@@ -273,7 +273,7 @@ class Car:
             self.pose.learn(scan, self.stack.answered_with)
 
     def _afterwards(self, scan: Scan) -> None:
-        """Do what else can wait until a scan is answered."""
+        """Do what can wait until a scan is answered."""
         collect_young()
         self.stages.count()
         self.scan_phase.arrived(scan.received_s)
@@ -351,11 +351,11 @@ class Car:
             planners=self.planners.status,
             link=lambda: {"endpoint": self.bus.endpoint, "open": self.bus.is_open, "dropped": self.bus.dropped},
             routers=lambda: self.bus.routers,
+            view=lambda: self.laws.perception.newest_view,
         )
 
     def _ros2_sink(self) -> Ros2Sink | None:
-        graph = self.settings.ros2_graph()
-        if graph is None:
+        if (graph := self.settings.ros2_graph()) is None:
             return None
         rates, laser = self.settings.telemetry.rates_hz, laser_frame(self.settings.car)
         return Ros2Sink(self.bus, graph, rates, laser, wall_clock=self.wall_clock, drives=self.settings.ros2.drive)

@@ -24,6 +24,7 @@ from wallride.runtime.arbitration.command import (
 )
 from wallride.runtime.arbitration.command_queue import CommandQueue
 from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.score import Score
 from wallride.runtime.realtime.stage_timing import StageTimer
 from wallride.runtime.teleop.status import OperatorView
@@ -99,7 +100,8 @@ class ObservedState:
     recording: state of the recorder. session: this start of the process, as in every heartbeat; 0 where there is none.
     own_parts: the known parts of the car that its lidar sees. hot_path: which functions run compiled, as text.
     condition: the car's state and what clears it. slowest_mps: below it the motor does not turn. battery: its
-        judgement. computer: temperature and throttling. pose: the place on the map, empty without one.
+        judgement. computer: temperature and throttling. pose: the place on the map, empty without one. view: of the
+        newest scan.
     """
 
     car: str
@@ -125,6 +127,7 @@ class ObservedState:
     battery: Callable[[], Mapping[str, Any]] = dict
     computer: Callable[[], Mapping[str, Any]] = dict
     pose: Callable[[], Mapping[str, Any]] = dict
+    view: Callable[[], View | None] = lambda: None
 
 
 @dataclass(slots=True)

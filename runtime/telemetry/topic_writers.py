@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from wallride.drivers.api import LinkState, MotorState, Scan
-from wallride.runtime.arbitration.command import NO_WINNER, DriveCommand, Output, Source, SpeedLimit
+from wallride.runtime.arbitration.command import NO_WINNER, DriveCommand, Output, Source
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.localization.localizer import PoseEstimate
-from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.realtime.wall_clock import WallClock
 from wallride.runtime.ros import markers, messages
@@ -144,7 +143,7 @@ class TopicWriters:
         output = self._newest.output
         if output is None:
             return None
-        drawn = marker_writers.footprint(output, self._car, self._view())
+        drawn = marker_writers.footprint(output, self._car, self._observed.view())
         return output.stamp_s, markers.marker_array(self.unix_ns(output.stamp_s), drawn)
 
     def _safety(self) -> Message | None:
@@ -231,9 +230,3 @@ class TopicWriters:
 
     def _drive(self, stamp_s: float, speed_mps: float, steering_rad: float) -> Message:
         return stamp_s, messages.ackermann(self.unix_ns(stamp_s), speed_mps, steering_rad)
-
-    def _view(self) -> View | None:
-        """Return the newest scan's view in the safety law, where it keeps one."""
-        word = self._observed.queue.entry(Source.SAFETY)
-        view = getattr(word.assessment, "view", None) if isinstance(word, SpeedLimit) else None
-        return view if isinstance(view, View) else None

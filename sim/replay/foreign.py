@@ -174,6 +174,7 @@ class _Foreign:
             clock=stage.clock,
             seconds_by_winner=stage.mux.seconds_by_winner,
             window=lambda: stage.laws.words,
+            view=lambda: stage.laws.perception.newest_view,
         )
 
 

@@ -148,6 +148,11 @@ class Perception:
         self.health.forget()
         self.views.ignore(None)
 
+    @property
+    def newest_view(self) -> View | None:
+        """Return the view of the newest scan, None before the first."""
+        return self._percept.view if self._percept is not None else None
+
     def forget_newest(self) -> None:
         """Learn nothing from the newest scan: it was a rehearsal."""
         self._learnt = True
