@@ -106,10 +106,10 @@ async def test_one_scan_brings_every_topic_that_has_something_to_say():
 
 
 @pytest.mark.parametrize("own", [False, True])
-async def test_the_footprint_has_the_view_of_the_car_s_own_guard_also_under_an_own_law(law_file, own):
+async def test_the_footprint_has_the_view_of_perception_also_under_an_own_law(law_file, own):
     settings = load_settings(None, [f"safety.method={law_file(EASY)}"] if own else [])
-    rig = Rig(Keeper(topics.FOOTPRINT))
-    laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, rig.clock)
+    laws = LiveLaws(settings.wall_follow, settings.safety, settings.car)
+    rig = Rig(Keeper(topics.FOOTPRINT), view=lambda: laws.perception.newest_view)
     rig.drive_once(safety=lambda scan: laws.look(scan, rig.observed.motor.state))
     (payload,) = (await rig.written()).of(topics.FOOTPRINT)
     assert "ignored" in {marker.ns for marker in decoded(payload, topics.FOOTPRINT).markers}
