@@ -1,8 +1,9 @@
 """Where code of the user is just now: the line that waits, the line that calls, the line that holds up the loop."""
 
+import itertools
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final
@@ -28,7 +29,22 @@ def waiting_place(coroutine: Any, file: Path) -> str:  # noqa: ANN401 - coroutin
 
 def calling_place(file: Path) -> str:
     """Return "FILE:LINE" of the innermost line of this file that led to this call, the file alone where none did."""
-    return _place(sys._getframe(1), file) or shown(file)  # noqa: SLF001 - documented, "for specialized purposes"
+    return _place(_outwards(sys._getframe(1)), file) or shown(file)  # noqa: SLF001 - documented, "for specialized purposes"
+
+
+def holding_place(frame: FrameType, file: Path) -> str:
+    """Return "FILE:LINE" of the innermost line of this file at work, "" where none is, or where it waits for the car.
+
+    A scan that is delivered outside any task is answered before `on_scan` returns: laws and the motor's driver run
+    inside the lidar's callback.
+    """
+    within = itertools.takewhile(lambda one: one.f_code is not as_the_cars.__code__, _outwards(frame))
+    return _place(within, file)
+
+
+def as_the_cars(code: Callable[[], None]) -> None:
+    """Call code of the car from a driver: while it holds up the loop, no line of the driver does."""
+    code()
 
 
 class HangWatch:
@@ -57,11 +73,11 @@ class HangWatch:
         while not self._over.wait(LOOK_S):
             if self._clock() - self._ticked_s > HANG_S:
                 frame = sys._current_frames().get(self._loops)  # noqa: SLF001 - as above
-                self.place = (frame is not None and _place(frame, self._file)) or self.place
+                self.place = (frame is not None and holding_place(frame, self._file)) or self.place
 
 
-def _place(frame: FrameType, file: Path) -> str:
-    return next((f"{shown(file)}:{one.f_lineno}" for one in _outwards(frame) if _is_in(one, file)), "")
+def _place(frames: Iterable[FrameType], file: Path) -> str:
+    return next((f"{shown(file)}:{one.f_lineno}" for one in frames if _is_in(one, file)), "")
 
 
 def _outwards(frame: FrameType | None) -> Iterator[FrameType]:

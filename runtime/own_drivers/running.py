@@ -13,7 +13,7 @@ from wallride.drivers.own import DriverSettings
 from wallride.runtime.host.stop_signals import STOP_SIGNALS_HELD
 from wallride.runtime.host.user_module import is_of_the_process, place_of, shown_text, told
 from wallride.runtime.own_drivers.driver_class import DriverClass
-from wallride.runtime.own_drivers.places import HANG_S, LOOK_S, HangWatch, calling_place, waiting_place
+from wallride.runtime.own_drivers.places import HANG_S, LOOK_S, HangWatch, as_the_cars, calling_place, waiting_place
 
 RETRY_S: Final = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 60.0)
 """Pauses before a driver is made anew; the last one repeats."""
@@ -92,7 +92,7 @@ class DriverRun:
     def ours(self, code: Callable[[], None]) -> None:
         """Call code of the car from a callback of the driver; what it raises ends the car, not only the driver."""
         try:
-            code()
+            as_the_cars(code)
         except BaseException as error:
             self._cars = error
             raise

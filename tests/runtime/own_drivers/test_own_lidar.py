@@ -10,8 +10,10 @@ import pytest
 from tests.own_drivers import HEAD, driver_file
 from wallride.drivers.api import LinkState, Scan
 from wallride.drivers.scan_check import ScanCheck
+from wallride.runtime.arbitration.inbox import Inbox
 from wallride.runtime.lidars import own_driver_mistakes
 from wallride.runtime.own_drivers.lidar import OwnLidar
+from wallride.runtime.own_drivers.places import calling_place, holding_place
 from wallride.runtime.own_drivers.settings import OwnLidarSettings
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.virtual.virtual_time import run_virtual
@@ -236,7 +238,31 @@ async def test_a_driver_that_blocks_the_loop_is_told_with_its_line(driver_file):
     task.cancel()
     await asyncio.wait({task})
     assert f"{name} held the car up for 0." in one.health.message
-    assert f".py:{LINE})" in one.health.message
+
+
+def test_a_law_that_hangs_inside_a_delivery_is_not_what_the_driver_holds_up(driver_file):
+    """A scan delivered in a callback is answered inside `on_scan`, with the driver's lines below on the stack."""
+    callback = "asyncio.get_running_loop().call_soon(lambda: on_scan(self.scan())); await asyncio.sleep(9)"
+    name, places = driver_file(DRIVER.format(then=callback)), []
+
+    async def main():
+        one, inbox = lidar(name, asyncio.get_running_loop().time), Inbox()
+
+        async def law():
+            while True:
+                await inbox.get()
+                frame, file = sys._getframe(), one._run.driver.file
+                places.append((calling_place(file), holding_place(frame, file)))
+
+        tasks = [asyncio.create_task(law()), asyncio.create_task(one.run(inbox.put))]
+        await asyncio.sleep(1)
+        for task in tasks:
+            task.cancel()
+        await asyncio.wait(tasks)
+
+    run_virtual(main())
+    assert places[-1][0].endswith(f":{LINE}"), "delivered in a callback, and answered inside it"
+    assert {holding for _, holding in places} == {""}
 
 
 @pytest.mark.parametrize(
