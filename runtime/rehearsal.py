@@ -37,6 +37,7 @@ class Rehearsal:
         self._stack = LiveStack(_built_in(settings), DecisionLog(clock, 0))
         self._stack.queue.put(consent(Source.PERMIT, "rehearsal"))
         self.took_s = 0.0
+        self._planned: asyncio.TimerHandle | None = None
 
     def apply(self, settings: Settings) -> None:
         """Follow a change of the car's settings."""
@@ -57,11 +58,13 @@ class Rehearsal:
 
     def plan(self, scan: Scan, motor: MotorState | None, output: Output | None, due_s: float) -> None:
         """Rehearse a scan in time for the next, due at that time (NaN: not known), where its answer drove the car."""
+        if self._planned is not None:
+            self._planned.cancel()  # scans that come in one read are due once
         if output is None or output.decision.speed_mps == 0.0 or output.decision.winner is not output.decision.driver:
             return  # what brakes needs no rehearsal, and one would not be short
         in_s = due_s - SPARE_S - self.took_s - self._clock()
         if in_s > 0.0 and self.took_s <= MAX_TOOK_S:
-            asyncio.get_running_loop().call_later(in_s, self._rehearse, scan, motor)
+            self._planned = asyncio.get_running_loop().call_later(in_s, self._rehearse, scan, motor)
 
     def _rehearse(self, scan: Scan, motor: MotorState | None) -> None:
         before_s, self.took_s, began_s = self.took_s, math.inf, self._clock()  # one that fails is the last

@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -77,6 +78,22 @@ def test_a_car_that_does_not_drive_freely_rehearses_nothing(output):
 def test_without_an_estimate_of_the_next_scan_there_is_none():
     assert rehearsed(output_of(), due_s=math.nan)[0] == []
     assert rehearsed(output_of(), due_s=0.0005)[0] == [], "too late"
+
+
+def test_scans_that_come_at_once_are_rehearsed_once_and_a_brake_cancels_what_was_planned():
+    async def drive():
+        loop = asyncio.get_running_loop()
+        rehearsal, begun = Rehearsal(Settings(), loop.time), []
+        rehearsal._answer = lambda scan, _motor: begun.append(scan.sequence)  # type: ignore[method-assign, assignment]
+        for output in (output_of(), output_of(0.0)):
+            for sequence in range(3):
+                scan = replace(scan_at(loop.time()), sequence=sequence)
+                rehearsal.plan(scan, None, output_of(), loop.time() + PERIOD_S)
+            rehearsal.plan(replace(scan, sequence=3), None, output, loop.time() + PERIOD_S)
+            await asyncio.sleep(PERIOD_S)
+        return begun
+
+    assert run_virtual(drive()) == [3]
 
 
 def test_a_computer_that_is_too_slow_does_not_rehearse():
