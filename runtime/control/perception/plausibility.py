@@ -53,7 +53,8 @@ class Plausibility:
         self._stood_since_s: float | None = None
         self._confirmed = False
         self._motion = MotionAgreement(car.lidar_m)
-        self._scene = SceneAgreement(car.lidar_m)
+        self._lidar_m = car.lidar_m
+        self._scene = SceneAgreement(self._lidar_m)
         self._frozen = self._turned = ""
         self._learnt_s = math.inf
         self.motor_doubt = ""
@@ -106,6 +107,7 @@ class Plausibility:
         if not self._is_compared:
             self._compare(scan, motor)
         if not odometry_check:
+            self._forget_drive()
             return
         if scan.stamp_s - self._learnt_s > LOST_AFTER_S:
             self._begin_anew()
@@ -124,6 +126,13 @@ class Plausibility:
     def forget_newest(self) -> None:
         """Learn nothing from the newest scan: it was a rehearsal."""
         self._unlearnt = None
+
+    def _forget_drive(self) -> None:
+        """Drop what was compared: with the check off, nothing would ever end a doubt of it."""
+        if self._learnt_s < math.inf:
+            self.motor_doubt, self.believed, self._learnt_s = "", True, math.inf
+            self._begin_anew()
+            self._scene = SceneAgreement(self._lidar_m)
 
     def _begin_anew(self) -> None:
         self._confirmed, self._turned = False, ""

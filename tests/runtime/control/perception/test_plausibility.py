@@ -19,6 +19,7 @@ from wallride.runtime.control.perception.plausibility import (
     WRONG_SCALE,
     Plausibility,
 )
+from wallride.runtime.control.perception.scene_agreement import VANISHED
 from wallride.runtime.control.safety.swept import assumed
 from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.vehicle import CarSettings
@@ -217,6 +218,19 @@ def test_where_wheels_and_scans_are_of_two_drives_they_are_not_compared():
     room = Room()
     room.odometry_check = False
     assert room.drive(1.0, told=-1.0).doubt == ""
+
+
+@pytest.mark.parametrize("wrong", ["phases", "mounting"])
+def test_switching_the_comparison_off_ends_its_doubt_and_on_again_begins_it_anew(wrong):
+    told, room = (-1.0, Room()) if wrong == "phases" else (1.0, Room(yaw_rad=math.pi / 2))
+    assert room.drive(0.8, told=told).doubt
+    room.plausibility._scene.doubt = VANISHED
+    room.odometry_check = False
+    room.step(0.0, told=0.0)
+    room.step(0.0, told=0.0)
+    assert (room.plausibility.doubt, room.plausibility.believed) == ("", True)
+    room.odometry_check = True
+    assert room.drive(0.8, told=told).doubt, "nothing was mended"
 
 
 def test_a_scan_that_repeats_bit_for_bit_while_the_wheels_turn_is_a_faulty_lidar():
