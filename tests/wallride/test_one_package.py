@@ -1,7 +1,7 @@
 """The wheel holds `wallride` alone, and works from a folder with modules of the same names as its folders."""
 
-import os
 import re
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -26,7 +26,7 @@ def wheel(tmp_path_factory):
     folder = tmp_path_factory.mktemp("wheel")
     subprocess.run(
         [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", folder, ROOT],
-        env={**os.environ, "WALLRIDE_PURE_WHEEL": "1"}, check=True,
+        check=True,
     )  # fmt: skip
     (path,) = folder.glob("*.whl")
     return path
@@ -60,6 +60,17 @@ def test_the_wheel_holds_one_package_and_is_typed(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     assert {name.partition("/")[0].partition("-")[0] for name in names} == {"wallride"}
     assert {"wallride/py.typed", "wallride/runtime/app.py", "wallride/sim/world/casting.c"} <= set(names)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler here")
+def test_the_compiled_functions_are_in_the_wheel_and_need_no_compiler(installed, tmp_path):
+    done = subprocess.run(
+        [installed, "-m", "wallride.runtime.kernel"], cwd=tmp_path, env={"PATH": str(tmp_path)}, capture_output=True,
+        text=True, check=True,
+    )  # fmt: skip
+    told = re.fullmatch(r"(\d+) of (\d+) functions of the hot path are compiled\n", done.stdout)
+    assert told is not None, done.stdout
+    assert told[1] == told[2]
 
 
 def test_it_is_imported_beside_a_students_files(installed, student):
