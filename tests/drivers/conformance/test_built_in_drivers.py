@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.drivers.conformance.emulated import Emulated
 from wallride.drivers.conformance import LidarConformance, MotorConformance
 from wallride.drivers.conformance.bench import room_m
 from wallride.drivers.hokuyo.driver import Hokuyo
@@ -33,39 +34,6 @@ def millimetres(bearing_rad, nothing):
     """Return the room as a sensor measures it."""
     noisy_m = room_m(bearing_rad) + _RNG.normal(0.0, 0.003, bearing_rad.size)
     return np.nan_to_num(np.rint(noisy_m * 1000), nan=nothing).astype(np.int64)
-
-
-class Emulated:
-    """What both kinds of emulators share. `device` is an emulator with a port."""
-
-    def __init__(self, device, folder):
-        self.device, self.folder = device, folder
-
-    @property
-    def silence(self):
-        return self.device.silence
-
-    @silence.setter
-    def silence(self, on):
-        self.device.silence = on
-
-    @property
-    def connected(self):
-        return self.device.connected
-
-    async def close(self):
-        self.device.close()
-        shutil.rmtree(self.folder, ignore_errors=True)
-
-    def send(self, data):
-        if self.device._port is not None:
-            self.device._port.send(data)
-
-    def hold(self):
-        self.device.stall()
-
-    def release(self):
-        self.device.release()
 
 
 class ScipBench(Emulated):

@@ -1,9 +1,9 @@
 """The motors by servo pulses pass the conformance kit, each against its emulated board with an ESC behind it."""
 
-import shutil
 import tempfile
 from pathlib import Path
 
+from tests.drivers.conformance.emulated import Emulated
 from wallride.drivers.conformance import MotorConformance
 from wallride.drivers.maestro.driver import Maestro
 from wallride.drivers.maestro.settings import MaestroSettings
@@ -73,23 +73,10 @@ class Pca9685Bench(PwmBench):
         return self.made_driver(Pca9685(Pca9685Settings(arming_s=ARMING_S), open_bus=self.chip.open))
 
 
-class MaestroBench(PwmBench):
+class MaestroBench(Emulated, PwmBench):
     def __init__(self):
-        super().__init__()
-        self.folder = Path(tempfile.mkdtemp())
-        self.device = MaestroEmulator(self.esc)
-
-    @property
-    def silence(self):
-        return self.device.silence
-
-    @silence.setter
-    def silence(self, on):
-        self.device.silence = on
-
-    @property
-    def connected(self):
-        return self.device.connected
+        PwmBench.__init__(self)
+        Emulated.__init__(self, MaestroEmulator(self.esc), Path(tempfile.mkdtemp()))
 
     @property
     def commanded(self):
@@ -103,14 +90,6 @@ class MaestroBench(PwmBench):
 
     async def replug(self):
         self.device.replug()
-
-    async def close(self):
-        self.device.close()
-        shutil.rmtree(self.folder, ignore_errors=True)
-
-    def send(self, data):
-        if self.device._port is not None:
-            self.device._port.send(data)
 
     def driver(self):
         address = f"serial://{self.folder / 'maestro'}"
