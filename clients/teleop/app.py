@@ -177,7 +177,7 @@ async def deadlines(period_s: float, clock: Clock) -> AsyncIterator[float]:
 async def operate(options: argparse.Namespace) -> int:
     """Run `wallride teleop`; options as of `wallride.teleop_options`."""
     if options.map:
-        return await map_pad(sys.stdout.write)
+        return await map_pad(_write)
     stop = asyncio.Event()
     with stopping(stop), ExitStack() as things:
         source = _open_source(options, things)
@@ -197,6 +197,12 @@ async def operate(options: argparse.Namespace) -> int:
             if client.foreign is not None:
                 raise ConnectionProblemError(another_car(car, bus.endpoint, options.session, client.foreign))
     return 0
+
+
+def _write(text: str) -> None:
+    """Write at once, also into a pipe."""
+    sys.stdout.write(text)
+    sys.stdout.flush()
 
 
 async def map_pad(print_line: Callable[[str], object]) -> int:
