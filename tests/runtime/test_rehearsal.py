@@ -100,6 +100,11 @@ def test_a_computer_that_is_too_slow_does_not_rehearse():
     assert rehearsed(output_of(), took_s=1.1 * MAX_TOOK_S)[0] == []
 
 
+def test_after_one_slow_rehearsal_they_go_on_later():
+    begun, _ = rehearsed(output_of(), took_s=1.1 * MAX_TOOK_S, scans=10)
+    assert 0 < len(begun) < 10
+
+
 def test_one_that_fails_is_the_last():
     begun, rehearsal = rehearsed(output_of(), fails=True)
     assert len(begun) == 1
