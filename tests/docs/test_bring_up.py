@@ -43,7 +43,7 @@ TYPED = {
     "wallride report": ({}, {0}, [".html: "]),
     "wallride new law my_laws.py": ({}, {0}, ["class Follower"]),
     "wallride lab fit FILE.mcap --out fitted.toml": ({}, {0}, ["Try it: wallride sim --conditions fitted.toml"]),
-    "wallride service status": ({}, {0, 1}, ["wallride.service"]),
+    "wallride service status": ({}, {0, 1, 2}, ["service"]),  # 2 where the clone lies in a temporary folder
     # From here on the service is started.
     "sudo systemctl start wallride": ({}, {0}, []),
     "wallride status": ({}, {0}, ["gates"]),

