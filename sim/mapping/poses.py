@@ -14,7 +14,7 @@ from wallride.sim.world.pose import Booleans, Floats
 
 RANGE_M = (0.02, 60.0)
 WHOLE_SEARCH = 1_000_000
-"""Parts of a search at one scan: nobody waits for the answer here."""
+"""Parts of a search at one scan: offline, the whole search may run at once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -69,7 +69,7 @@ def test_it_ends_a_spare_before_the_next_scan():
 @pytest.mark.parametrize(
     "output",
     [None, output_of(0.0), output_of(0.5, Source.SAFETY), output_of(1.0, None)],
-    ids=["nothing was decided", "it stands", "safety slows it", "nobody decides"],
+    ids=["nothing was decided", "it stands", "safety slows it", "no source decides"],
 )
 def test_a_car_that_does_not_drive_freely_rehearses_nothing(output):
     assert rehearsed(output)[0] == []
