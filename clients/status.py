@@ -211,11 +211,19 @@ def pose_words(pose: Mapping[str, Any]) -> str:
         turn_deg = math.degrees(pose["yaw_rad"])
         fits = f", {100 * pose['fits']:.0f} % of the beams fit" if pose["fits"] is not None else ""
         place = f"x {pose['x_m']:.2f} m, y {pose['y_m']:.2f} m, {turn_deg:.0f} deg"
-        return f"{on}{place}, known to {100 * pose['std_m']:.0f} cm{fits}"
+        return f"{on}{place}, known to {100 * pose['std_m']:.0f} cm{fits}{_race_words(pose.get('race'))}"
     if pose["whereabouts"] == "ambiguous":
         alike = "; ".join(f"x {x_m:.1f} m, y {y_m:.1f} m" for x_m, y_m, _ in pose["alike"])
         return f"{on}AMBIGUOUS: these places look alike: {alike}"
     return f"{on}{'LOST, it is looked for everywhere' if pose['whereabouts'] == 'lost' else 'being looked for'}"
+
+
+def _race_words(race: Mapping[str, Any] | None) -> str:
+    """Return what is told of the laps; "" before the first."""
+    if not race or not race["laps"]:
+        return ""
+    errors = f"{100 * race['rms_m']:.1f} cm from the line (rms), {100 * race['p99_m']:.0f} cm in 99 % of it"
+    return f"; lap {race['laps']}: {race['time_s']:.2f} s, {errors}"
 
 
 def own_parts_words(own_parts: Mapping[str, Any]) -> str:

@@ -18,6 +18,7 @@ from wallride.runtime.arbitration.driving_state import DrivingStateMonitor
 from wallride.runtime.arbitration.emergency_stop import EmergencyStop
 from wallride.runtime.arbitration.inbox import Inbox
 from wallride.runtime.arbitration.permit import Permit
+from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.ending import end
 from wallride.runtime.host.systemd import ServiceManager
 from wallride.runtime.live_stack import REQUIRED, LiveStack
@@ -42,7 +43,7 @@ from wallride.runtime.tasks.computer import ComputerWatch
 from wallride.runtime.tasks.health import HealthMonitor
 from wallride.runtime.tasks.own_law import OwnLawWatch
 from wallride.runtime.tasks.own_parts import OwnPartsKeeper
-from wallride.runtime.tasks.pose import PoseFinder
+from wallride.runtime.tasks.pose import PoseTeller
 from wallride.runtime.tasks.scan_cycle import ScanCycle
 from wallride.runtime.tasks.standstill import STANDS_BELOW_MPS, Standstill
 from wallride.runtime.tasks.telemetry import Telemetry
@@ -74,7 +75,7 @@ class CarSurroundings:
     reading_s: duration of the newest scan's read from the kernel, where the lidar measures it.
     scan_phase: the one around which the devices schedule. wall_clock: the computer's, where it may be set.
     computer: watches the computer, where there is a real one. joystick: a gamepad on the car itself.
-    pose: finds the pose on a map, where there is one.
+    course: the map with its pose and line, where there is one.
     rehearsal: what is done between two scans, where the process has the computer to itself.
     """
 
@@ -86,7 +87,7 @@ class CarSurroundings:
     computer: ComputerWatch | None = None
     joystick: LocalOperator | None = None
     rehearsal: Rehearsal | None = None
-    pose: PoseFinder | None = None
+    course: RaceCourse | None = None
 
 
 class Car:
@@ -108,8 +109,7 @@ class Car:
         self.bus = bus
         self.clock = clock
         self.manager = ServiceManager()
-        self.wall_clock = around.wall_clock or never_set(clock)
-        self._clock_trouble = ""
+        self.wall_clock, self._clock_trouble = around.wall_clock or never_set(clock), ""
         self.recorder = Recorder(
             settings.recording,
             car=settings.car.name,
@@ -119,7 +119,7 @@ class Car:
         )
         self.decision_log = self.recorder.decision_log
         # Deciding code reads the time from the decision log, so that a replay can return the very same readings.
-        self.stack = LiveStack(settings, self.decision_log)
+        self.stack = LiveStack(settings, self.decision_log, around.course)
         self.queue, self.laws, self.limiter = self.stack.queue, self.stack.laws, self.stack.limiter
         self.stages = StageTimer(clock)
         self._reading_s, self.scan_phase = around.reading_s, around.scan_phase
@@ -127,8 +127,8 @@ class Car:
             self.queue, motor, self.limiter, REQUIRED, self.decision_log.clock, self.stages, self.decision_log
         )
         self.standstill = Standstill(motor, lambda: self.mux.output, clock)
-        self.joystick, self.pose = around.joystick, around.pose
-        self.computer, self._rehearsal = around.computer, around.rehearsal
+        self.pose = PoseTeller(around.course.name, lambda: self.laws.race) if around.course is not None else None
+        self.joystick, self.computer, self._rehearsal = around.joystick, around.computer, around.rehearsal
         self._add_people()
         self._add_watches()
         self.history = ChangeHistory(settings.parameters.history)
@@ -269,8 +269,8 @@ class Car:
 
     def _learn(self, scan: Scan) -> None:
         self.laws.learn()
-        if self.pose is not None:
-            self.pose.learn(scan, self.stack.answered_with)
+        if self.pose is not None and (estimate := self.stack.locate(scan)) is not None:
+            self.pose.tell(estimate)
 
     def _afterwards(self, scan: Scan) -> None:
         """Do what can wait until a scan is answered."""

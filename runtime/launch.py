@@ -23,6 +23,7 @@ from wallride.drivers.turning.driver import TurningLidar
 from wallride.drivers.vesc.driver import Vesc
 from wallride.runtime import kernel
 from wallride.runtime.app import Car, CarSurroundings
+from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.own_laws.law_class import loaded_files
 from wallride.runtime.ending import end
 from wallride.runtime.host.address_file import Address, write_address
@@ -33,7 +34,8 @@ from wallride.runtime.host.scheduling import ask_for_precedence, keep_for_this_t
 from wallride.runtime.host.stop_signals import STOP_SIGNALS, STOP_SIGNALS_HELD
 from wallride.runtime.host.user_module import is_of_the_process, shown, told
 from wallride.runtime.lidars import lidar_for, motion_of, motor_for
-from wallride.runtime.map_files import MapError, read_map
+from wallride.runtime.line_files import read_course
+from wallride.runtime.map_files import MapError
 from wallride.runtime.own_drivers.driver_class import loaded_driver_files
 from wallride.runtime.own_drivers.lidar import OwnLidar
 from wallride.runtime.own_drivers.motor import OwnMotor
@@ -46,7 +48,6 @@ from wallride.runtime.scan_topic import TopicLidar
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.tasks import parameters
 from wallride.runtime.tasks.computer import ComputerWatch
-from wallride.runtime.tasks.pose import PoseFinder
 from wallride.runtime.teleop.local_operator import LocalOperator
 from wallride.runtime.wire.car_bus import CarBus
 from wallride.runtime.wire.network import PortTakenError
@@ -291,16 +292,9 @@ def _car(
     motor, lidar = devices = _devices(settings, clock, scan_phase)
     fitted(motor)
     around = CarSurroundings(
-        files.saved,
-        files.base,
-        lambda: lidar.reading_s,
-        scan_phase,
-        WallClock(clock),
-        ComputerWatch(read_computer),
-        joystick,
-        rehearsal if settings.process.rehearse else None,
-        _pose_finder(settings),
-    )
+        files.saved, files.base, lambda: lidar.reading_s, scan_phase, WallClock(clock), ComputerWatch(read_computer),
+        joystick, rehearsal if settings.process.rehearse else None, _course(settings),
+    )  # fmt: skip
     car = Car(settings, lidar, motor, bus, clock, around)
     _hear_inertia(motor, car)
     for uplink in uplinks:
@@ -310,16 +304,17 @@ def _car(
     return car, bus, devices
 
 
-def _pose_finder(settings: Settings) -> PoseFinder | None:
-    """Return what finds the pose on the map of the settings, None without a map; LaunchError for an unusable one."""
-    if not settings.map.file:
-        return None
+def _course(settings: Settings) -> RaceCourse | None:
+    """Return the course of the settings, None without a map; LaunchError for an unusable one."""
     try:
-        known = read_map(Path(settings.map.file).expanduser())
+        course = read_course(settings.map, settings.car)
     except MapError as error:
-        raise LaunchError(f"map.file: {error}") from None
-    log.info("the pose is found on %s", settings.map.file)
-    return PoseFinder(known, settings.map.start, settings.car)
+        raise LaunchError(f"map: {error}") from None
+    if course is not None:
+        log.info("the pose is found on %s", settings.map.file)
+    if settings.wall_follow.method == "line" and (course is None or course.line is None):
+        log.warning("wall_follow.method is line, and no race line is there (map.line): the car follows the wall")
+    return course
 
 
 def _devices(settings: Settings, clock: Clock, scan_phase: ScanPhase) -> Devices:

@@ -10,6 +10,8 @@ from wallride.runtime.arbitration.command_queue import CommandQueue
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.runtime.control.line_following.course import RaceCourse
+from wallride.runtime.control.localization.localizer import PoseEstimate
 from wallride.runtime.control.perception.scan_rate import ScanRate
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.recording.decision_log import DecisionLog
@@ -22,16 +24,17 @@ REQUIRED = frozenset({Source.SAFETY, Source.PERMIT})
 class LiveStack:
     """Built once from settings; without any memory of earlier runs.
 
-    settings: those in force. decision_log: its clock is the one for all decisions.
+    settings: those in force. decision_log: its clock is the one for all decisions. course: None for no map.
     """
 
-    def __init__(self, settings: Settings, decision_log: DecisionLog) -> None:
+    def __init__(self, settings: Settings, decision_log: DecisionLog, course: RaceCourse | None = None) -> None:
         self.settings = settings
         self.decision_log = decision_log
         self.clock: Clock = decision_log.clock
         self.queue = CommandQueue(settings.effective_order(), self.clock)
         self.queue.on_put, self.queue.on_withdrawn = decision_log.add_command, decision_log.add_withdrawal
-        self.laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, self.clock)
+        self.laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, self.clock, course)
+        self.course = course
         self.limiter = Limiter(limits(settings.car))
         self._rate = ScanRate()
         self.answered_with: MotorState | None = None  # the report with which the newest scan was answered
@@ -61,6 +64,10 @@ class LiveStack:
         waits_s = self._rate.note(scan.stamp_s)
         self.queue.put(word, expires_at_s=scan.stamp_s + self.settings.wall_follow.expires_after_s + waits_s)
         return guidance
+
+    def locate(self, scan: Scan) -> PoseEstimate | None:
+        """Return the pose at the scan that was answered last, by the same report; None without a map."""
+        return self.course.localizer.take(scan, self.answered_with) if self.course is not None else None
 
     def apply(self, settings: Settings) -> None:
         """Apply other settings in one step: between two scans, never within one.

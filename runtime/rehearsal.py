@@ -87,9 +87,12 @@ class Rehearsal:
 
 
 def _built_in(settings: Settings) -> Settings:
-    """Return the settings with built-in laws in place of the user's, which are called for real scans alone."""
+    """Return the settings with built-in laws in place of the user's, which are called for real scans alone.
+
+    The rehearsal has no map: `ball` takes the place of `line`, too.
+    """
     changes: dict[str, object] = {}
-    if is_own(settings.wall_follow.method):
+    if is_own(settings.wall_follow.method) or settings.wall_follow.method == "line":
         changes["wall_follow"] = BallFollowSettings()
     if is_own(settings.safety.method):
         changes["safety"] = SweptSafetySettings()

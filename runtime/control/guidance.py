@@ -15,7 +15,8 @@ class Guidance:
     """A follower's answer to one scan.
 
     drive: None when the method has no direction; the car then stops, with `reason` as the reason.
-    distance_m, error_m: distance to the followed wall and that minus the desired one; NaN without a wall.
+    distance_m, error_m: distance to the followed wall and that minus the desired one; NaN without a wall. By `line`:
+    NaN and how far left of the race line the car is.
     angle_rad: heading of the fitted line seen from the car, positive when it leads to the left; NaN without one.
     line_m: distance of that line from the rear axle; NaN where the method fits none or steers by the nearest points.
     stuck: whether there is no way out of where the car stands; `reason` says what it needs.

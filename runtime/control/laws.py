@@ -14,6 +14,8 @@ from typing import Any, Protocol
 from wallride.drivers.api import Clock, MotorState, Scan
 from wallride.runtime.arbitration.command import SafetyAssessment, Verdict
 from wallride.runtime.control.guidance import Follower, Guard, Guidance
+from wallride.runtime.control.line_following.course import RaceCourse
+from wallride.runtime.control.line_following.line_follower import LineFollower
 from wallride.runtime.control.method_settings import (
     OwnSafetySettings,
     SafetySettings,
@@ -49,11 +51,15 @@ class Driver(Follower, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """What laws are made of. clock: measures the answers of own laws, and the age of a scan at every judgement."""
+    """What laws are made of. clock: measures the answers of own laws, and the age of a scan at every judgement.
+
+    course: map, pose and line, None for a car without a map.
+    """
 
     car: CarSettings
     perception: Perception
     clock: Clock | None = None
+    course: RaceCourse | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +95,7 @@ FOLLOWERS: Mapping[str, Callable[[Any, Parts], Driver]] = MappingProxyType(
     {
         "ball": lambda settings, parts: BallFollower(settings, parts.car, parts.perception.views),
         "report": lambda settings, _: ReportFollower(settings),
+        "line": lambda settings, parts: LineFollower(settings, parts.car, parts.perception.views, parts.course),
         OWN_TAG: lambda settings, parts: OwnFollower(
             load_law("wall_follow", settings.method), settings, parts.car, parts.perception, parts.clock
         ),
@@ -133,12 +140,12 @@ class LawStack:
 
     def __init__(
         self, wall_follow: WallFollowSettings, safety: SafetySettings, car: CarSettings, clock: Clock | None = None,
-        driver: Callable[[Parts], Any] | None = None,
+        driver: Callable[[Parts], Any] | None = None, course: RaceCourse | None = None,
     ) -> None:  # fmt: skip
         self.wall_follow, self.safety = wall_follow, safety
         swept = _swept(safety)
         self.perception = Perception(car, assumed(swept, swept.window))
-        self._parts = parts = Parts(car, self.perception, clock)
+        self._parts = parts = Parts(car, self.perception, clock, course)
         self.driver: Any = driver(parts) if driver is not None else _driver(wall_follow, parts)
         self.guard = SweptGuard(swept, car, self.perception, clock=clock)
         self.judge: Any = self._row.build(self.guard, safety, wall_follow, clock)
@@ -205,10 +212,11 @@ class LiveLaws(LawStack):
     """
 
     def __init__(
-        self, wall_follow: WallFollowSettings, safety: SafetySettings, car: CarSettings, clock: Clock | None = None
-    ) -> None:
+        self, wall_follow: WallFollowSettings, safety: SafetySettings, car: CarSettings, clock: Clock | None = None,
+        course: RaceCourse | None = None,
+    ) -> None:  # fmt: skip
         self.plausibility = Plausibility(car)
-        super().__init__(wall_follow, safety, car, clock)
+        super().__init__(wall_follow, safety, car, clock, course=course)
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -230,6 +238,11 @@ class LiveLaws(LawStack):
         """Path of the follower's ball, (2, k) in base_link; None where there is none."""
         path_m: Floats | None = self.driver.path_m
         return path_m
+
+    @property
+    def race(self) -> Mapping[str, Any]:
+        """Return laps and errors along the line; nothing where no line is driven."""
+        return self.driver.figures if isinstance(self.driver, LineFollower) else {}
 
     def remember_own_parts(self, known: KnownParts | None) -> None:
         """Restore these own parts, known from before, and reset the state of the window."""

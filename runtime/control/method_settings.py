@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Discriminator, Field, SerializeAsAny, Tag, ValidationInfo, field_validator
 
+from wallride.runtime.control.line_following.line_settings import LineFollowSettings
 from wallride.runtime.control.own_laws.api import LawSettings
 from wallride.runtime.control.own_laws.law_class import OWN_TAG, checked_name, is_own
 from wallride.runtime.control.own_laws.settings import MAX_BUDGET_S, MIN_BUDGET_S, OwnFollowSettings, own_values
@@ -21,7 +22,7 @@ class BallFollowSettings(BallSettings):
     """The rolling ball: the default follower."""
 
     method: Literal["ball"] = "ball"
-    """Wall-following law: the rolling ball, or the lab report's."""
+    """Wall-following law: the rolling ball, the lab report's, or the race line of a map."""
     expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
     """Lifetime of a navigation command, counted from its scan."""
 
@@ -71,11 +72,12 @@ def _method(default: str) -> Discriminator:
     return Discriminator(tell)
 
 
-WallFollowSettings = BallFollowSettings | ReportFollowSettings | OwnFollowSettings
+WallFollowSettings = BallFollowSettings | ReportFollowSettings | LineFollowSettings | OwnFollowSettings
 SafetySettings = SweptSafetySettings | ReportSafetySettings | OwnSafetySettings
 ChosenWallFollow = Annotated[
     Annotated[BallFollowSettings, Tag("ball")]
     | Annotated[ReportFollowSettings, Tag("report")]
+    | Annotated[LineFollowSettings, Tag("line")]
     | Annotated[OwnFollowSettings, Tag(OWN_TAG)],
     _method(DEFAULT_FOLLOW),
 ]
@@ -86,12 +88,12 @@ ChosenSafety = Annotated[
     _method(DEFAULT_SAFETY),
 ]
 METHODS: Mapping[str, tuple[type[BaseModel], ...]] = {
-    "wall_follow": (BallFollowSettings, ReportFollowSettings),
+    "wall_follow": (BallFollowSettings, ReportFollowSettings, LineFollowSettings),
     "safety": (SweptSafetySettings, ReportSafetySettings),
 }
 OWN_METHODS: Mapping[str, type[BaseModel]] = {"wall_follow": OwnFollowSettings, "safety": OwnSafetySettings}
 """Settings of the user's own laws, beside the built-in ones."""
-TAGS = frozenset({"ball", "swept", "report", OWN_TAG})
+TAGS = frozenset({"ball", "line", "swept", "report", OWN_TAG})
 
 _KEPT = frozenset({"side", "desired_distance_m", "speed_mps", "expires_after_s", "binds_teleop"})
 """Settings with the same meaning in every law; gains and margins of one law do not transfer to another."""

@@ -1,27 +1,24 @@
-"""The pose on a map at every scan, found when the scan's command has left. Nothing drives by it."""
+"""What the car says of its pose: each estimate, and where it is in the status."""
 
 from collections.abc import Callable, Mapping
-from typing import Any, Literal
+from typing import Any
 
-from wallride.drivers.api import MotorState, Scan
-from wallride.runtime.control.localization.localizer import Localizer, PoseEstimate, Whereabouts
-from wallride.runtime.control.vehicle import CarSettings
-from wallride.runtime.map_files import CarMap
+from wallride.runtime.control.localization.localizer import PoseEstimate, Whereabouts
 
 
-class PoseFinder:
-    """Finds the pose on one map. publish: called with each estimate."""
+class PoseTeller:
+    """Tells the pose on one map. publish: called with each estimate. race: tells laps and errors along the line."""
 
-    def __init__(self, known: CarMap, start: Literal["lap", "anywhere"], car: CarSettings) -> None:
-        self._map = known.name
-        self._localizer = Localizer(known.field, car, known.start if start == "lap" else None, known.scale)
+    def __init__(self, map_name: str, race: Callable[[], Mapping[str, Any]] = dict) -> None:
+        self._map = map_name
         self._newest: PoseEstimate | None = None
+        self._race = race
         self.publish: Callable[[PoseEstimate], None] = lambda _estimate: None
 
-    def learn(self, scan: Scan, motor: MotorState | None) -> None:
-        """Find the pose at a scan. motor: the very report with which it was answered, which is recorded."""
-        self._newest = self._localizer.take(scan, motor)
-        self.publish(self._newest)
+    def tell(self, estimate: PoseEstimate) -> None:
+        """Take in the pose at a scan."""
+        self._newest = estimate
+        self.publish(estimate)
 
     def status(self) -> Mapping[str, Any]:
         """Return the newest pose as plain values; numbers that are not known are NaN."""
@@ -32,4 +29,6 @@ class PoseFinder:
                 "yaw_rad": newest.yaw_rad, "std_m": newest.std_m, "fits": newest.share,
                 "alike": [list(place) for place in newest.alike],
             }  # fmt: skip
+        if race := self._race():
+            told["race"] = dict(race)
         return told

@@ -7,7 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from wallride.runtime.control.localization.localizer import Localizer, PoseEstimate
+from wallride.runtime.control.localization.localizer import PoseEstimate
+from wallride.runtime.line_files import course_of
 from wallride.runtime.map_files import CarMap
 from wallride.runtime.recording.decision_log import FollowerEvent, ScanEvent
 from wallride.runtime.ros.messages import NS
@@ -47,8 +48,7 @@ def own_poses(log: DriveLog, known: CarMap) -> OwnPoses | None:
 def _found_again(log: DriveLog, known: CarMap) -> tuple[list[PoseEstimate], float]:
     """Return the estimates by the very scans and reports that the car had, and how far its stamps are behind 1970."""
     settings = settings_of(log, laws=False)
-    start = known.start if settings.map.start == "lap" else None
-    localizer = Localizer(known.field, settings.car, start, known.scale)
+    localizer = course_of(known, settings.map.start, settings.car).localizer
     messages = {message.sequence: message for message in log.of(topics.SCAN)}
     scans: dict[int, ScanEvent] = {}
     found: list[PoseEstimate] = []

@@ -21,8 +21,11 @@ from wallride.drivers.api import Scan
 from wallride.runtime.arbitration.command import Output, Source
 from wallride.runtime.arbitration.queues import NEVER_S
 from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.method_settings import TAGS
 from wallride.runtime.control.own_laws.law_class import loaded_files
+from wallride.runtime.line_files import read_course
+from wallride.runtime.map_files import MapError
 from wallride.runtime.recording.channels import TAPE
 from wallride.runtime.recording.decision_codec import TapeError, decode
 from wallride.runtime.recording.decision_log import (
@@ -140,11 +143,22 @@ class _Reenactment:
             self._verdict.notes.append("its settings were not recorded: the defaults are taken.")
         settings = self._settings(first) if first is not None else settings_of(log, assignments)
         self._verdict.changed = changed_laws(log)  # by now the user's own laws are loaded
-        self._stage = ReplayStack(settings, self._zero_s, self._clock)
+        self._stage = ReplayStack(settings, self._zero_s, self._clock, self._course(settings))
         self._scans: dict[int, Scan] = {}
         self._latest = -1
         self._adopts = True
         self._settled_s = self._zero_s
+
+    def _course(self, settings: Settings) -> RaceCourse | None:
+        """Return the course, where a follower of this drive needs it; a note where it is not there."""
+        drives = any(isinstance(one, SettingsEvent) and _method(one.settings) == "line" for one in self._events)
+        if not drives and settings.wall_follow.method != "line":
+            return None
+        try:
+            return read_course(settings.map, settings.car)
+        except MapError as error:
+            self._verdict.notes.append(f"it drove a race line, whose map cannot be read: {error}")
+            return None
 
     def run(self) -> ReplayVerdict:
         expected = 0
@@ -270,6 +284,11 @@ class _Reenactment:
                 " replay it with the version that recorded it."
             ) from None
         return with_assignments(settings, self._assignments)
+
+
+def _method(tree: Any) -> object:  # noqa: ANN401 - plain values as recorded
+    """Return the follower that recorded settings name."""
+    return tree.get("wall_follow", {}).get("method") if isinstance(tree, dict) else None
 
 
 def _without_unknown(tree: Any) -> tuple[Any, list[str]]:  # noqa: ANN401 - plain values as recorded

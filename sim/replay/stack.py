@@ -5,8 +5,10 @@ These are the objects that drive the car, not copies.
 
 from typing import Never
 
-from wallride.drivers.api import Clock, Drive, Health, LinkState, MotorState
+from wallride.drivers.api import Clock, Drive, Health, LinkState, MotorState, Scan
 from wallride.runtime.arbitration.command import Output
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.live_stack import REQUIRED, LiveStack
 from wallride.runtime.realtime.stage_timing import StageTimer
 from wallride.runtime.recording.decision_log import DecisionLog
@@ -54,16 +56,18 @@ class MotorWire:
 class ReplayStack:
     """Control code of one car, with fresh memories.
 
-    settings: those in force. clock: None for one that stands at `now_s` until it is set.
+    settings: those in force. clock: None for one that stands at `now_s` until it is set. course: that of the car.
     """
 
-    def __init__(self, settings: Settings, now_s: float, clock: Clock | None = None) -> None:
+    def __init__(
+        self, settings: Settings, now_s: float, clock: Clock | None = None, course: RaceCourse | None = None
+    ) -> None:
         self.now_s = now_s
         self.wire = MotorWire()
-        self.stack = LiveStack(settings, DecisionLog(clock or (lambda: self.now_s), most=0))
+        self.stack = LiveStack(settings, DecisionLog(clock or (lambda: self.now_s), most=0), course)
         self.clock, self.limiter = self.stack.clock, self.stack.limiter
         self.queue, self.laws = self.stack.queue, self.stack.laws
-        self.look, self.follow, self.apply = self.stack.look, self.stack.follow, self.stack.apply
+        self.look, self.apply = self.stack.look, self.stack.apply
         untimed = StageTimer(lambda: 0.0)  # a replay's durations have no meaning
         self.mux = Mux(self.queue, self.wire, self.limiter, REQUIRED, self.clock, untimed)
 
@@ -71,6 +75,12 @@ class ReplayStack:
     def settings(self) -> Settings:
         """Return the settings in force."""
         return self.stack.settings
+
+    def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
+        """Answer a scan, and find the pose at it as the car does, whatever drives."""
+        guidance = self.stack.follow(scan, motor)
+        self.stack.locate(scan)
+        return guidance
 
     def step(self, *, delivered: bool = True, braked: bool = False) -> Output:
         """Decide now. delivered: whether the motor accepts the command. braked: whether it brakes instead."""

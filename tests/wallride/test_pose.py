@@ -9,7 +9,11 @@ import pytest
 
 from tests.sim.replay.recorded import record
 from wallride import cli
+from wallride.runtime.control.line_following.line_follower import DRIVES
+from wallride.runtime.line_files import read_line
 from wallride.runtime.map_files import read_map
+from wallride.sim.replay.drive_log import read_log
+from wallride.sim.replay.reenact import reenact
 
 FOLLOW = {"wall_follow": {"speed_mps": 4.0}}
 
@@ -54,6 +58,31 @@ def test_a_car_with_the_map_finds_and_records_the_same_poses_to_the_bit(folder, 
     told = json.loads(capsys.readouterr().out)
     assert told["own_poses"] > 150
     assert told["own_poses_same"] == told["own_poses"]
+
+
+def test_a_car_drives_the_line_of_its_map_and_decides_the_same_to_the_bit(folder, here, capsys):
+    map_ = folder / "lab.yaml"
+    assert cli.main(["line", str(map_), "-o", str(here / "lab.line.csv"), "--speed", "3"]) == 0
+    line = read_line(here / "lab.line.csv")
+    follow = {"method": "line", "first_lap_share": 1.0}
+    sections = {"wall_follow": follow, "map": {"file": str(map_), "line": str(here / "lab.line.csv")}}
+    car, twin = record(here / "race.mcap", seconds=8.0, sections=sections, known=read_map(map_), line=line)
+    reasons = {fields["reason"] for _, fields in read_log(here / "race.mcap").json("decision")}
+    assert DRIVES in reasons
+    assert twin.vehicle.speed_mps > 0.0
+    assert car.status()["pose"]["race"]["speed_share"] == 1.0
+    verdict = reenact(read_log(here / "race.mcap"))
+    assert (verdict.first, verdict.exact, verdict.notes) == (None, True, [])
+    assert verdict.answers > 250
+    (folder / "lab.walls.csv").rename(folder / "away")
+    (folder / "lab.yaml").rename(folder / "away.yaml")
+    try:
+        without = reenact(read_log(here / "race.mcap"))
+    finally:
+        (folder / "away").rename(folder / "lab.walls.csv")
+        (folder / "away.yaml").rename(folder / "lab.yaml")
+    assert without.first is not None
+    assert without.notes[0].startswith("it drove a race line, whose map cannot be read: ")
 
 
 def test_poses_of_another_map_are_told(folder, here, capsys):

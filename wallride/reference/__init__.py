@@ -20,6 +20,7 @@ from wallride.runtime.arbitration.driving_state import (
     DrivingState,
     Observation,
 )
+from wallride.runtime.control.line_following.line_settings import LineFollowSettings
 from wallride.runtime.control.method_settings import OwnSafetySettings
 from wallride.runtime.control.own_laws.law_class import OWN_TAG
 from wallride.runtime.control.own_laws.settings import OwnFollowSettings
@@ -129,10 +130,12 @@ def settings_page() -> str:
     ]
     default = catalogue(Settings())
     report = Settings(wall_follow=ReportFollowSettings(), safety=ReportSafetySettings())
+    line = Settings(wall_follow=LineFollowSettings())
     own = Settings().model_copy(
         update={"wall_follow": OwnFollowSettings.model_construct(), "safety": OwnSafetySettings.model_construct()}
     )
-    for title, chosen in _sections(default, {"report": catalogue(report), OWN_TAG: catalogue(own)}):
+    others = {"line": catalogue(line), "report": catalogue(report), OWN_TAG: catalogue(own)}
+    for title, chosen in _sections(default, others):
         lines += [f"## {title}\n", "| setting | default | range | obeyed | looser | meaning |", "| --- " * 6 + "|"]
         lines += [_setting_row(parameter) for parameter in chosen]
         lines.append("")
@@ -155,8 +158,9 @@ def _sections(
             yield from _other_drivers(section)
     for law, known in others.items():
         for section in ("wall_follow", "safety"):
-            chosen = [parameter for name, parameter in known.items() if name.rpartition(".")[0] == section]
-            yield f'{section}, method = "{law}"', chosen
+            if law == OWN_TAG or known[f"{section}.method"].default == law:
+                chosen = [parameter for name, parameter in known.items() if name.rpartition(".")[0] == section]
+                yield f'{section}, method = "{law}"', chosen
 
 
 def _other_drivers(section: str) -> Iterator[tuple[str, list[Parameter]]]:

@@ -43,7 +43,8 @@ class PoseEstimate:
     """The rear axle on the map at a scan's stamp: x [m], y [m], yaw [rad]; NaN until it is located.
 
     std_m: standard deviation of the position in its worst direction; std_rad: of the heading. share: of the beams that
-    fit the map. alike: the places between which nothing decides, x, y, yaw each.
+    fit the map. alike: the places between which nothing decides, x, y, yaw each. turn_radps: how fast it turns. scale:
+    true way over the one that the wheels report.
     """
 
     stamp_s: float
@@ -55,6 +56,8 @@ class PoseEstimate:
     std_rad: float = math.nan
     share: float = math.nan
     alike: tuple[tuple[float, float, float], ...] = ()
+    turn_radps: float = math.nan
+    scale: float = 1.0
 
 
 class Localizer:
@@ -85,6 +88,7 @@ class Localizer:
         self._stamp_s = math.nan
         self._speed_mps = 0.0  # as the map has shown it last
         self._odometry = (0j, 0.0)  # place and heading since the search began
+        self._newest: tuple[Scan, PoseEstimate] | None = None
         self._rest_until = (-math.inf, 0.0)  # time and way from which the next search may begin
 
     @property
@@ -93,7 +97,12 @@ class Localizer:
         return self._filter.scale
 
     def take(self, scan: Scan, motor: MotorState | None) -> PoseEstimate:
-        """Return where the car is at a scan. motor: the newest report at that time."""
+        """Return where the car is at a scan; asked again for the newest, the same. motor: the newest report then."""
+        if self._newest is None or self._newest[0] is not scan:
+            self._newest = scan, self._located(scan, motor)
+        return self._newest[1]
+
+    def _located(self, scan: Scan, motor: MotorState | None) -> PoseEstimate:
         since_s, self._stamp_s = scan.stamp_s - self._stamp_s, scan.stamp_s
         told = self._wheels.to(scan.stamp_s, motor)
         step = told if told is not None else self._carried_on(since_s)
@@ -138,8 +147,9 @@ class Localizer:
         (a, b, _), (_, d, _), (_, _, turn) = self._filter.covariance[:3, :3].tolist()
         worst = 0.5 * (a + d) + math.hypot(0.5 * (a - d), b)
         return PoseEstimate(
-            scan.stamp_s, self._whereabouts, x_m, y_m, yaw_rad, math.sqrt(worst), math.sqrt(turn), share
-        )
+            scan.stamp_s, self._whereabouts, x_m, y_m, yaw_rad, math.sqrt(worst), math.sqrt(turn), share,
+            turn_radps=float(self._filter.state[3]), scale=self._filter.scale,
+        )  # fmt: skip
 
     def _look_for(self, scan: Scan, step: WheelStep, points: ScanPoints) -> PoseEstimate:
         """Search on, one part at each scan: a whole search takes longer than a scan may."""

@@ -11,7 +11,7 @@ class ReportFollowSettings(Section):
     """The report's wall follower: side, distance, speed and gains."""
 
     method: Literal["report"] = "report"
-    """Wall-following law: the rolling ball, or the lab report's."""
+    """Wall-following law: the rolling ball, the lab report's, or the race line of a map."""
     side: Literal["left", "right"] = "left"
     """Side of the followed wall."""
     desired_distance_m: Annotated[float, Field(ge=0.2, le=5)] = 1.0

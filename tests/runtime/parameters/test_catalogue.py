@@ -13,13 +13,14 @@ from wallride.runtime.settings.tree import Settings, load_settings
 
 ROOT = Path(__file__).resolve().parents[3]
 SETTINGS = Settings()
-BOTH_METHODS = [
+ALL_METHODS = [
     Settings(),
     Settings.model_validate({"wall_follow": {"method": "report"}, "safety": {"method": "report"}}),
+    Settings.model_validate({"wall_follow": {"method": "line"}}),
 ]
 
 
-@pytest.mark.parametrize("settings", BOTH_METHODS)
+@pytest.mark.parametrize("settings", ALL_METHODS)
 def test_it_lists_every_value_of_the_tree_once(settings):
     def leaves(tree, above=""):
         for name, value in tree.items():
@@ -28,12 +29,12 @@ def test_it_lists_every_value_of_the_tree_once(settings):
     assert values(settings) == dict(leaves(settings.model_dump(mode="json")))
 
 
-@pytest.mark.parametrize("settings", BOTH_METHODS)
+@pytest.mark.parametrize("settings", ALL_METHODS)
 def test_every_setting_has_a_sentence(settings):
     assert [name for name, parameter in catalogue(settings).items() if not parameter.words] == []
 
 
-@pytest.mark.parametrize("settings", BOTH_METHODS)
+@pytest.mark.parametrize("settings", ALL_METHODS)
 def test_everything_about_every_setting_is_json(settings):
     now = values(settings)
     for name, parameter in catalogue(settings).items():
@@ -49,7 +50,7 @@ def test_everything_about_every_setting_is_json(settings):
         ("wall_follow.kp", ValueKind.NUMBER, 13.5, "a number from 0 to 20 rad/m", "rad/m", Effect.NOW),
         ("wall_follow.kd", ValueKind.NUMBER, 4.5, "a number from 0 to 20", "1", Effect.NOW),
         ("wall_follow.side", ValueKind.CHOICE, "left", "'left' or 'right'", "", Effect.NOW),
-        ("wall_follow.method", ValueKind.CHOICE, "ball", "'ball' or 'report'", "", Effect.STANDING),
+        ("wall_follow.method", ValueKind.CHOICE, "ball", "'ball' or 'report' or 'line'", "", Effect.STANDING),
         ("wall_follow.expires_after_s", ValueKind.NUMBER, 0.15, "a number above 0 and at most 0.2 s", "s", Effect.NOW),
         ("safety.recovery.tries", ValueKind.INTEGER, 6, "a whole number from 0 to 10", "", Effect.NOW),
         ("safety.backs_out", ValueKind.BOOLEAN, True, "true or false", "", Effect.NOW),
@@ -145,7 +146,7 @@ def test_another_method_begins_with_its_own_gains_and_keeps_what_means_the_same(
     assert ("wall_follow.look_ahead_m", None, 0.4) in back.changed
 
 
-@pytest.mark.parametrize("settings", BOTH_METHODS)
+@pytest.mark.parametrize("settings", ALL_METHODS)
 def test_for_every_safety_setting_it_is_written_down_what_loosens_it(settings):
     for name in catalogue(settings):
         if name.startswith("safety."):
@@ -153,12 +154,12 @@ def test_for_every_safety_setting_it_is_written_down_what_loosens_it(settings):
 
 
 def test_no_rule_is_about_a_setting_that_does_not_exist():
-    known = {name for settings in BOTH_METHODS for name in catalogue(settings)}
+    known = {name for settings in ALL_METHODS for name in catalogue(settings)}
     assert set(LOOSENS) <= known
-    assert len(BOTH_METHODS) == max(len(laws) for laws in METHODS.values())
+    assert len(ALL_METHODS) == max(len(laws) for laws in METHODS.values())
 
 
-@pytest.mark.parametrize("settings", BOTH_METHODS)
+@pytest.mark.parametrize("settings", ALL_METHODS)
 def test_every_rule_fits_the_type_of_its_setting(settings):
     for name, parameter in catalogue(settings).items():
         if parameter.loosens in {Loosens.UP, Loosens.DOWN}:

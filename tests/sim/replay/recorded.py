@@ -5,6 +5,7 @@ import asyncio
 from importlib.metadata import version
 
 from wallride.runtime.app import Car, CarSurroundings
+from wallride.runtime.line_files import course_of
 from wallride.runtime.recording import channels
 from wallride.runtime.recording.channels import RecordMessage
 from wallride.runtime.recording.decision_log import DecisionLog
@@ -14,7 +15,6 @@ from wallride.runtime.recording.mcap_file import McapFile
 from wallride.runtime.recording.transcriber import Transcriber
 from wallride.runtime.ros.definitions import TYPES
 from wallride.runtime.settings.tree import Settings
-from wallride.runtime.tasks.pose import PoseFinder
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.ports import free_endpoint
 from wallride.sim.virtual.devices import MemoryBus
@@ -55,12 +55,12 @@ class Restless:
 
 def record(
     path, *, world="loop", seconds=6.0, events=(), obstacles=(), sections=None, start=None, forgets=0,
-    known=None,
+    known=None, line=None,
 ):  # fmt: skip
     """Drive and write it down; returns the car and its world.
 
     events are (time, function of the car). forgets: so many events behind the settings are not in the decision log.
-    known: a map to find the pose on.
+    known: a map to find the pose on; line: its race line.
     """
     settings = Settings.model_validate({**SETTINGS, **(sections or {})})
     kept = {}
@@ -71,8 +71,8 @@ def record(
         twin = TwinWorld(load_world(world, side="left", seed=0), loop.time, obstacles=obstacles, start=start)
         decision_log.add_settings(settings)
         motor = WorldMotor(twin, loop.time)
-        pose = PoseFinder(known, settings.map.start, settings.car) if known is not None else None
-        around = CarSurroundings(pose=pose)
+        course = course_of(known, settings.map.start, settings.car, line) if known is not None else None
+        around = CarSurroundings(course=course)
         car = Car(settings, WorldLidar(twin, loop.time), motor, MemoryBus(loop.time), decision_log.clock, around)
         car.connect()
         facts = {"car": settings.car.name, "version": version("wallride"), "laws": laws_fingerprint()}

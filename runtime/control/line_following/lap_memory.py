@@ -1,0 +1,120 @@
+"""What a follower remembers of its laps: how exact they were, and how fast the next one may be."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from wallride.drivers.value import value
+
+FALLS_MPS2: Final = 5.4
+"""The set speed of a VESC falls by this much in a second; braking by hand of safety is faster."""
+OBEYS_S: Final = 0.15
+"""Time in which the wheels follow the set speed."""
+HELD_SHARE, HELD_MPS = 0.6, 0.3
+"""A car that is slower than this share of what it should have reached, less this speed, is held back."""
+HELD_SCANS: Final = 4
+RESTS_S: Final = 2.0
+"""Time after which it may count as held back again."""
+
+
+@value()
+class LapErrors:
+    """Lateral errors of a lap: how many laps are done, the last one's time, and rms, 99 % and largest of its errors."""
+
+    laps: int = 0
+    time_s: float = math.nan
+    rms_m: float = math.nan
+    p99_m: float = math.nan
+    largest_m: float = math.nan
+
+
+class LapMemory:
+    """Counts the laps of a line of `length_m` from where it is joined."""
+
+    def __init__(self, length_m: float) -> None:
+        self._length_m = length_m
+        self.begin()
+        self.last = LapErrors()
+
+    def begin(self) -> None:
+        """Begin a lap here, whatever there was of one."""
+        self._way_m, self._along_m, self._since_s = 0.0, math.nan, math.nan
+        self._errors_m: list[float] = []
+
+    def take(self, stamp_s: float, along_m: float, aside_m: float) -> bool:
+        """Take in a scan's place on the line; return whether a lap is complete with it."""
+        if math.isnan(self._along_m):
+            self._since_s = stamp_s
+        else:
+            self._way_m += math.remainder(along_m - self._along_m, self._length_m)
+        self._along_m = along_m
+        self._errors_m.append(abs(aside_m))
+        if self._way_m < self._length_m:
+            return False
+        errors_m = np.array(self._errors_m)
+        self.last = LapErrors(
+            self.last.laps + 1, stamp_s - self._since_s, float(np.sqrt(np.mean(errors_m**2))),
+            float(np.percentile(errors_m, 99)), float(errors_m.max()),
+        )  # fmt: skip
+        self._way_m -= self._length_m
+        self._since_s, self._errors_m = stamp_s, []
+        return True
+
+
+class BuildUp:
+    """The share of the line's speed that may be driven: rises from lap to lap, falls when the car was held back.
+
+    first: share of the first lap. step: added by each lap, taken away by each time that it was held back.
+    """
+
+    def __init__(self, first: float, step: float) -> None:
+        self._first, self._step = first, step
+        self.share = first
+
+    def tune(self, first: float, step: float) -> None:
+        """Change both; the share that was reached is kept."""
+        self._first, self._step = first, step
+        self.share = max(self.share, first)
+
+    def faster(self) -> None:
+        """Raise the share: a lap is done."""
+        self.share = min(1.0, self.share + self._step)
+
+    def slower(self) -> None:
+        """Lower the share: something held the car back."""
+        self.share = max(self._first, self.share - self._step)
+
+
+class HeldBack:
+    """Tells from the wheels alone that something else than the follower slowed the car: safety, or a human.
+
+    rises_mps2: how fast the commanded speed rises.
+    """
+
+    def __init__(self, rises_mps2: float) -> None:
+        self._rises_mps2 = rises_mps2
+        self._asked_mps = 0.0
+        self.begin(0.0)
+
+    def begin(self, speed_mps: float) -> None:
+        """Expect nothing but this speed."""
+        self._asked_mps = self._ramp_mps = self._expected_mps = speed_mps
+        self._scans, self._rests_s = 0, RESTS_S
+
+    def asks(self, speed_mps: float) -> None:
+        """Note the speed that the answer to this scan asks for."""
+        self._asked_mps = speed_mps
+
+    def tells(self, speed_mps: float, since_s: float) -> bool:
+        """Take in the wheels' speed at a scan; return whether the car turns out to be held back."""
+        rise = min(max(self._asked_mps - self._ramp_mps, -FALLS_MPS2 * since_s), self._rises_mps2 * since_s)
+        self._ramp_mps += rise
+        self._expected_mps += (1.0 - math.exp(-since_s / OBEYS_S)) * (self._ramp_mps - self._expected_mps)
+        self._rests_s -= since_s
+        held = speed_mps < HELD_SHARE * self._expected_mps - HELD_MPS
+        self._scans = self._scans + 1 if held else 0
+        if self._scans < HELD_SCANS or self._rests_s > 0.0:
+            return False
+        self.begin(speed_mps)
+        return True

@@ -1,0 +1,179 @@
+"""The follower `line`: drives the race line of a map where the pose is known, else the wall as `ball` does.
+
+For each scan: the pose, the car as it will be when the answer takes effect, the nearest point of the line there, and
+steering and speed by `line_law`. It comes to the line from the wall's path, slowly and only over known free ground.
+The ball answers every scan, too, so that it has followed the wall already when it is needed.
+"""
+
+import cmath
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from typing import Any, Final
+
+import numpy as np
+
+from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.line_following import line_law
+from wallride.runtime.control.line_following.course import RaceCourse
+from wallride.runtime.control.line_following.joining import way_is_free
+from wallride.runtime.control.line_following.lap_memory import BuildUp, HeldBack, LapMemory
+from wallride.runtime.control.line_following.line_law import Moving
+from wallride.runtime.control.line_following.line_settings import LineFollowSettings
+from wallride.runtime.control.line_following.race_line import CourseLine, OnLine
+from wallride.runtime.control.line_following.trim import SteeringTrim
+from wallride.runtime.control.line_following.tyres import Tyres
+from wallride.runtime.control.localization.localizer import PoseEstimate, Whereabouts
+from wallride.runtime.control.perception.geometry import Floats
+from wallride.runtime.control.perception.view import ViewCache
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.wall_following.ball import MAX_STEP_S, BallFollower
+from wallride.runtime.control.wall_following.prediction import WIRE_S, slew_towards
+
+NO_LINE: Final = "no race line: along the wall"
+UNKNOWN: Final = "the pose is not known: along the wall"
+WRONG_WAY: Final = "the race line goes the other way: along the wall"
+BLOCKED: Final = "no free way to the race line: along the wall"
+STOPPED: Final = "the pose is not known"
+JOINS: Final = "joining the race line"
+DRIVES: Final = "race line"
+JOINED_M, JOINED_RAD = 0.25, 0.35
+"""Lateral and heading errors below which the line is joined; beyond the first one the car slows down."""
+LEFT_M, LEFT_RAD = 0.8, 1.0
+"""Errors above which it has left the line. With a larger heading error it does not join."""
+DRAWN_M, DRAWN_STEP_M = 4.0, 0.2
+
+
+class LineFollower:
+    """Follows the line of a course. course: None for a car without a map."""
+
+    def __init__(
+        self, settings: LineFollowSettings, car: CarSettings, eyes: ViewCache, course: RaceCourse | None
+    ) -> None:
+        self._settings = settings
+        self._car = car
+        self._course = course
+        self._wall = BallFollower(_of_wall(settings), car, eyes)
+        self._laps = LapMemory(course.line.length_m if course is not None and course.line is not None else math.inf)
+        self._build_up = BuildUp(settings.first_lap_share, settings.faster_each_lap)
+        self._held = HeldBack(car.max_acceleration_mps2)
+        self._trim = SteeringTrim()
+        self._told_rad = 0.0
+        self._stamp_s = math.nan
+        self._on: OnLine | None = None
+        self._joined = False
+        self._pose: PoseEstimate | None = None
+
+    def tune(self, settings: LineFollowSettings) -> None:
+        """Change the settings; laps, trim and the reached share stay."""
+        self._settings = settings
+        self._wall.tune(_of_wall(settings))
+        self._build_up.tune(settings.first_lap_share, settings.faster_each_lap)
+
+    @property
+    def path_m(self) -> Floats | None:
+        """Return the line ahead, or the path of the ball, (2, k) in base_link. For drawings."""
+        on, pose, line = self._on, self._pose, self._line
+        if on is None or pose is None or line is None:
+            return self._wall.path_m
+        ways_m = on.along_m + np.arange(0.0, DRAWN_M, DRAWN_STEP_M)
+        places = np.array([line.place_at(float(way_m)) for way_m in ways_m])
+        seen = (places - complex(pose.x_m, pose.y_m)) * cmath.exp(-1j * pose.yaw_rad)
+        return np.array([seen.real, seen.imag])
+
+    @property
+    def figures(self) -> Mapping[str, Any]:
+        """Return laps, the last one's time and lateral errors, and the share of the line's speed of the next one."""
+        return {**asdict(self._laps.last), "speed_share": self._build_up.share}
+
+    @property
+    def _line(self) -> CourseLine | None:
+        return self._course.line if self._course is not None else None
+
+    def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
+        """Answer one scan."""
+        by_wall = self._wall.follow(scan, motor)
+        since_s, self._stamp_s = scan.stamp_s - self._stamp_s, scan.stamp_s
+        since_s = since_s if 0.0 < since_s < MAX_STEP_S else 0.0
+        if motor is not None and self._held.tells(motor.speed_mps, since_s):
+            self._build_up.slower()
+        guidance = self._by_line(scan, motor, by_wall, since_s)
+        drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
+        self._held.asks(drive.speed_mps)
+        self._told_rad = slew_towards(self._told_rad, drive.steering_rad, self._car.steering_rate_radps * since_s)
+        return guidance
+
+    def _by_line(self, scan: Scan, motor: MotorState | None, by_wall: Guidance, since_s: float) -> Guidance:
+        course, line = self._course, self._line
+        if course is None or line is None:
+            return self._by_wall(by_wall, NO_LINE)
+        self._pose = pose = course.localizer.take(scan, motor)
+        if motor is None or pose.whereabouts is not Whereabouts.LOCATED:
+            if self._settings.without_pose == "stop":
+                return replace(self._by_wall(by_wall, STOPPED), drive=None)
+            return self._by_wall(by_wall, UNKNOWN)
+        tyres = self._tyres()
+        now = Moving(
+            complex(pose.x_m, pose.y_m), pose.yaw_rad, motor.speed_mps * pose.scale, pose.turn_radps, self._trim.rad
+        )
+        self._trim.learn(now, motor.steering_rad, since_s, tyres)
+        if reason := self._unfit(now, line, course, tyres):
+            return self._by_wall(by_wall, reason)
+        return self._along(scan, now, line, tyres, pose.scale)
+
+    def _unfit(self, now: Moving, line: CourseLine, course: RaceCourse, tyres: Tyres) -> str:
+        """Note where the car is on the line; return why it cannot drive it, "" where it can."""
+        on = line.nearest(now.place_m, self._on.along_m if self._on is not None else math.nan)
+        off_rad = abs(line_law.heading_error_rad(now, on, tyres))
+        if self._joined:
+            self._joined = abs(on.aside_m) < LEFT_M and off_rad < LEFT_RAD
+            if not self._joined:
+                on = line.nearest(now.place_m)
+                off_rad = abs(line_law.heading_error_rad(now, on, tyres))
+        if not self._joined:
+            if off_rad > LEFT_RAD:
+                return WRONG_WAY
+            if not way_is_free(course.field, line, now.place_m, on):
+                return BLOCKED
+            self._joined = abs(on.aside_m) < JOINED_M and off_rad < JOINED_RAD
+            self._laps.begin()
+        self._on = on
+        return ""
+
+    def _along(self, scan: Scan, now: Moving, line: CourseLine, tyres: Tyres, scale: float) -> Guidance:
+        """Answer by the line."""
+        on = self._on
+        assert on is not None  # noqa: S101 - `_unfit` has noted it
+        if self._joined and self._laps.take(scan.stamp_s, on.along_m, on.aside_m):
+            self._build_up.faster()
+        late_s = min(max(scan.received_s - scan.stamp_s, 0.0), MAX_STEP_S)
+        then = now.later(self._settings.latency_s + WIRE_S + late_s, self._told_rad, tyres)
+        there = line.nearest(then.place_m, on.along_m)
+        most_rad = self._car.max_steering_rad
+        steering_rad = min(max(line_law.steering_rad(then, line, there, tyres), -most_rad), most_rad)
+        speed_mps = self._build_up.share * line_law.speed_mps(then, line, there)
+        far = max(0.0, (abs(there.aside_m) - JOINED_M) / (LEFT_M - JOINED_M)) if self._joined else 1.0
+        if far > 0.0:
+            speed_mps = min(speed_mps, max(self._settings.join_mps, (1.0 - far) * speed_mps))
+        speed_mps = min(speed_mps / scale, self._settings.speed_mps)
+        heading_rad = -line_law.heading_error_rad(now, on, tyres)
+        reason = DRIVES if self._joined else JOINS
+        return Guidance(Drive(speed_mps, steering_rad), math.nan, on.aside_m, heading_rad, reason)
+
+    def _by_wall(self, guidance: Guidance, reason: str) -> Guidance:
+        """Follow the wall, and say why."""
+        self._joined, self._on = False, None
+        self._laps.begin()
+        return guidance if guidance.drive is None else replace(guidance, reason=reason)
+
+    def _tyres(self) -> Tyres:
+        settings = self._settings
+        return Tyres(
+            self._car.wheelbase_m, settings.floor_mu, settings.cornering_front_per_rad, settings.cornering_rear_per_rad
+        )
+
+
+def _of_wall(settings: LineFollowSettings) -> LineFollowSettings:
+    """Return the settings by which the ball drives."""
+    return settings.model_copy(update={"speed_mps": settings.wall_speed_mps})

@@ -1,0 +1,74 @@
+"""Steering and speed by a race line: feed-forward with tyres, and feedback at the pose when the answer takes effect.
+
+    k = k_line(s + 0.04 s * v + 0.05 m) - (2 z w / v) sin(heading error) - (w / v)^2 * lateral error
+    steering = atan(wheelbase * k) + front slip - rear slip - trim
+
+The heading error is that of the rear axle's way, which points outward from the car's heading by the rear slip. Sources:
+reference figures of the prototype; the form is that of a pole pair with frequency w and damping z over time.
+"""
+
+import cmath
+import math
+from typing import Final
+
+from wallride.drivers.value import value
+from wallride.runtime.control.line_following.race_line import CourseLine, OnLine
+from wallride.runtime.control.line_following.tyres import Tyres
+
+FREQUENCY_RADPS, DAMPING = 5.0, 0.9
+SLOWEST_MPS: Final = 1.0
+"""Speed for the gains below it: at a standstill they would be infinite."""
+AHEAD_S, AHEAD_M = 0.04, 0.05
+"""How far ahead of the car the curvature of the line is taken: the turn follows the wheels with a lag."""
+SPEED_AHEAD_S: Final = 0.10
+"""How far ahead the speed is taken: the delay and lag of the motor controller."""
+MOST_ASIDE_M: Final = 0.4
+"""Largest lateral error that counts, and so the steepest way to the line (half of a right angle's sine, when slow)."""
+STEEPEST: Final = 0.5
+TURN_LAG_S: Final = 0.1
+"""Time in which the turn follows the wheels: servo, tyres and inertia."""
+
+
+@value()
+class Moving:
+    """A car on the map. place_m: rear axle, x + iy. trim_rad: angle of the wheels that are told to be straight."""
+
+    place_m: complex
+    yaw_rad: float
+    speed_mps: float
+    turn_radps: float
+    trim_rad: float = 0.0
+
+    def later(self, in_s: float, steering_rad: float, tyres: Tyres) -> "Moving":
+        """Return the car after a time. steering_rad: the angle that the wheels were told last."""
+        asked_radps = tyres.turn_radps(steering_rad + self.trim_rad, self.speed_mps, self.turn_radps)
+        change_radps = (1.0 - math.exp(-in_s / TURN_LAG_S)) * (asked_radps - self.turn_radps)
+        turned_rad = (self.turn_radps + 0.5 * change_radps) * in_s
+        slip_rad = tyres.rear_slip_rad(self.speed_mps * self.turn_radps)
+        way = cmath.exp(1j * (self.yaw_rad + 0.5 * turned_rad - slip_rad))
+        return Moving(
+            self.place_m + self.speed_mps * in_s * way, self.yaw_rad + turned_rad, self.speed_mps,
+            self.turn_radps + change_radps, self.trim_rad,
+        )  # fmt: skip
+
+
+def heading_error_rad(car: Moving, on: OnLine, tyres: Tyres) -> float:
+    """Return the heading of the rear axle's way less the line's, as it is in a steady bend of the line."""
+    slip_rad = tyres.rear_slip_rad(car.speed_mps**2 * on.curvature_radpm)
+    return math.remainder(car.yaw_rad - slip_rad - on.yaw_rad, math.tau)
+
+
+def steering_rad(car: Moving, line: CourseLine, on: OnLine, tyres: Tyres) -> float:
+    """Return the angle to tell the wheels. car: where it is when they obey. on: the line beside it."""
+    speed_mps = max(car.speed_mps, SLOWEST_MPS)
+    per_m = FREQUENCY_RADPS / speed_mps
+    most_m = min(MOST_ASIDE_M, 2.0 * DAMPING * STEEPEST / per_m)
+    curvature_radpm = line.curvature_at(on.along_m + AHEAD_S * car.speed_mps + AHEAD_M)
+    curvature_radpm -= 2.0 * DAMPING * per_m * math.sin(heading_error_rad(car, on, tyres))
+    curvature_radpm -= per_m**2 * min(max(on.aside_m, -most_m), most_m)
+    return tyres.steering_rad(curvature_radpm, car.speed_mps) - car.trim_rad
+
+
+def speed_mps(car: Moving, line: CourseLine, on: OnLine) -> float:
+    """Return the speed of the line that the car reaches when the motor has obeyed."""
+    return line.speed_at(on.along_m + SPEED_AHEAD_S * car.speed_mps)

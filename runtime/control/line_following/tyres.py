@@ -1,0 +1,47 @@
+"""How far the axles slip aside in a bend, and what a steering angle turns the car by."""
+
+import math
+from typing import Final
+
+from wallride.drivers.value import value
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
+
+MOST_SHARE: Final = 0.97
+"""Share of the grip above which a tyre slips without end."""
+
+
+@value()
+class Tyres:
+    """The tyres of a car as a single track.
+
+    wheelbase_m: between the axles. mu: friction of the floor. front_per_rad, rear_per_rad: lateral force by slip angle,
+    as a multiple of mu times the load.
+    """
+
+    wheelbase_m: float
+    mu: float
+    front_per_rad: float
+    rear_per_rad: float
+
+    def rear_slip_rad(self, lateral_mps2: float) -> float:
+        """Return the angle by which the rear axle's way points outward from the car's heading, in a steady bend."""
+        return slip_rad(lateral_mps2, self.rear_per_rad, self.mu)
+
+    def understeer_rad(self, lateral_mps2: float) -> float:
+        """Return by how much more than without slip the wheels have to be steered in a steady bend."""
+        return slip_rad(lateral_mps2, self.front_per_rad, self.mu) - self.rear_slip_rad(lateral_mps2)
+
+    def steering_rad(self, curvature_radpm: float, speed_mps: float) -> float:
+        """Return the angle of the wheels for a bend."""
+        return math.atan(self.wheelbase_m * curvature_radpm) + self.understeer_rad(speed_mps**2 * curvature_radpm)
+
+    def turn_radps(self, steering_rad: float, speed_mps: float, turning_radps: float) -> float:
+        """Return the turn that the wheels ask for. turning_radps: the present one, which tells how far they slip."""
+        rolls_rad = steering_rad - self.understeer_rad(speed_mps * turning_radps)
+        return speed_mps * math.tan(min(max(rolls_rad, -1.0), 1.0)) / self.wheelbase_m
+
+
+def slip_rad(lateral_mps2: float, cornering_per_rad: float, mu: float) -> float:
+    """Return the slip angle of an axle whose force saturates at the grip: z / (1 + z^4)^(1/4), solved for z."""
+    used = min(abs(lateral_mps2) / (mu * GRAVITY_MPS2), MOST_SHARE)
+    return math.copysign(used / (1.0 - used**4) ** 0.25 / cornering_per_rad, lateral_mps2)

@@ -1,0 +1,70 @@
+"""Laps and their errors, and the speed of the next one."""
+
+import math
+
+import pytest
+
+from wallride.runtime.control.line_following.lap_memory import HELD_SCANS, BuildUp, HeldBack, LapMemory
+
+STEP_S = 0.025
+
+
+def test_a_lap_is_counted_where_it_was_begun_with_its_errors():
+    laps = LapMemory(10.0)
+    done = [laps.take(STEP_S * k, (4.0 + 0.1 * k) % 10.0, 0.1 if k % 2 else -0.1) for k in range(250)]
+    assert [k for k, one in enumerate(done) if one] == [100, 200]
+    assert laps.last.laps == 2
+    assert laps.last.time_s == pytest.approx(100 * STEP_S)
+    assert (laps.last.rms_m, laps.last.p99_m, laps.last.largest_m) == pytest.approx((0.1, 0.1, 0.1))
+
+
+def test_a_lap_that_was_broken_off_does_not_count():
+    laps = LapMemory(10.0)
+    assert not any(laps.take(STEP_S * k, 0.1 * k, 0.0) for k in range(90))
+    laps.begin()
+    assert not any(laps.take(STEP_S * k, (0.1 * k) % 10.0, 0.0) for k in range(90, 180))
+    assert math.isnan(laps.last.rms_m)
+
+
+def test_the_speed_rises_by_laps_and_falls_when_held_back():
+    share = BuildUp(0.6, 0.2)
+    share.faster()
+    share.faster()
+    share.faster()
+    assert share.share == 1.0
+    share.slower()
+    assert share.share == pytest.approx(0.8)
+    for _ in range(3):
+        share.slower()
+    assert share.share == 0.6
+    share.tune(0.9, 0.1)
+    assert share.share == 0.9
+
+
+def told(held, *, asked_mps, drives, scans, begin=0):
+    """Return at which scans the car counts as held back; drives: its speed by the scan."""
+    found = []
+    for k in range(begin, begin + scans):
+        held.asks(asked_mps)
+        if held.tells(drives(k), STEP_S):
+            found.append(k)
+    return found
+
+
+def test_a_car_that_obeys_with_its_lag_is_not_held_back():
+    held, speed = HeldBack(4.0), [0.0]
+
+    def obeys(k):
+        speed[0] += min(6.0 - speed[0], 3.6 * STEP_S) if k > 4 else 0.0
+        return speed[0]
+
+    assert told(held, asked_mps=6.0, drives=obeys, scans=120) == []
+    assert told(held, asked_mps=1.0, drives=lambda k: max(1.0, 6.0 - 0.125 * (k - 120)), scans=80, begin=120) == []
+
+
+def test_a_stop_of_safety_is_told_once():
+    held = HeldBack(4.0)
+    told(held, asked_mps=5.0, drives=lambda k: min(5.0, 3.6 * STEP_S * k), scans=100)
+    stops = told(held, asked_mps=5.0, drives=lambda k: max(0.0, 5.0 - 7.0 * STEP_S * (k - 100)), scans=60, begin=100)
+    assert len(stops) == 1
+    assert HELD_SCANS <= stops[0] - 100 < 20

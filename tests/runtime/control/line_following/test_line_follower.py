@@ -1,0 +1,126 @@
+"""The follower `line`: the line where the pose is known, else the wall, and it says so."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from tests.runtime.control.line_following.lines import round_the_block
+from tests.runtime.control.localization.rooms import report, ring
+from tests.runtime.control.localization.test_localizer import BOXES, CORNER
+from wallride.runtime.control.line_following import line_follower
+from wallride.runtime.control.line_following.course import RaceCourse
+from wallride.runtime.control.line_following.line_follower import LineFollower
+from wallride.runtime.control.line_following.line_settings import LineFollowSettings
+from wallride.runtime.control.localization.line_field import field_of_cells
+from wallride.runtime.control.localization.localizer import Localizer
+from wallride.runtime.control.perception.view import ViewCache
+from wallride.runtime.control.vehicle import CarSettings
+
+CAR = CarSettings(max_speed_mps=6.0)
+START = (2.0, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def room():
+    room = ring(BOXES)
+    return room, field_of_cells(room.cells)
+
+
+def follower(field, line=None, start=START, **settings):
+    course = field and RaceCourse("lab", field, Localizer(field, CAR, start), line or round_the_block())
+    chosen = LineFollowSettings(desired_distance_m=0.9, side="right", **settings)
+    return LineFollower(chosen, CAR, ViewCache(CAR), course)
+
+
+def answers(one, room, pose, *, scans=6, begin=0, speed_mps=0.0, **more):
+    """Return the guidance at each of some scans of a car that is held at a place."""
+    found = []
+    for k in range(begin, begin + scans):
+        scan = room.scan(pose, stamp_s=0.025 * k, noise_m=0.01, seed=k, number=k, **more)
+        found.append(one.follow(scan, report(0.025 * k, speed_mps=speed_mps)))
+    return found
+
+
+def test_on_the_line_it_drives_the_line(room):
+    one = follower(room[1], first_lap_share=1.0)
+    last = answers(one, room[0], (2.0, 0.05, 0.0))[-1]
+    assert last.reason == line_follower.DRIVES
+    assert last.drive is not None
+    assert last.drive.speed_mps == pytest.approx(3.0, abs=0.05)
+    assert last.error_m == pytest.approx(0.05, abs=0.03)
+    assert abs(last.angle_rad) < 0.02
+    assert one.path_m is not None
+    assert one.path_m[0, -1] > 3.0
+
+
+def test_the_first_lap_is_slower_and_the_speed_has_its_bound(room):
+    slow = answers(follower(room[1], first_lap_share=0.5), room[0], (2.0, 0.0, 0.0))[-1]
+    assert slow.drive.speed_mps == pytest.approx(1.5, abs=0.05)
+    bound = answers(follower(room[1], first_lap_share=1.0, speed_mps=1.7), room[0], (2.0, 0.0, 0.0))[-1]
+    assert bound.drive.speed_mps == 1.7
+
+
+def test_beside_the_line_it_joins_slowly(room):
+    last = answers(follower(room[1]), room[0], (2.0, -0.45, 0.0))[-1]
+    assert last.reason == line_follower.JOINS
+    assert last.drive.speed_mps == pytest.approx(1.2, abs=0.05)
+    assert last.drive.steering_rad > 0.1
+
+
+@pytest.mark.parametrize("course", [False, True])
+def test_without_map_or_line_it_follows_the_wall(room, course):
+    one = follower(room[1] if course else None)
+    if course:
+        one._course = replace(one._course, line=None)
+    last = answers(one, room[0], (2.0, 0.0, 0.0))[-1]
+    assert last.reason == line_follower.NO_LINE
+    assert 0.0 < last.drive.speed_mps <= 1.0
+    assert one.path_m is not None
+
+
+def test_against_the_line_it_follows_the_wall(room):
+    one = follower(room[1], start=(2.0, 0.0, math.pi))
+    last = answers(one, room[0], (2.0, 0.0, math.pi))[-1]
+    assert last.reason == line_follower.WRONG_WAY
+
+
+def test_a_way_through_the_block_is_not_taken(room):
+    line = replace(round_the_block(), places_m=round_the_block().places_m + 3.0j)
+    last = answers(follower(room[1], line=line), room[0], (4.0, -0.4, 0.0))[-1]
+    assert last.reason == line_follower.BLOCKED
+
+
+@pytest.mark.parametrize(("without_pose", "drives"), [("wall", True), ("stop", False)])
+def test_a_lost_car_follows_the_wall_or_stops(room, without_pose, drives):
+    one = follower(room[1], without_pose=without_pose, first_lap_share=1.0)
+    before = answers(one, room[0], (2.0, 0.0, 0.0))[-1]
+    assert before.drive.speed_mps > 2.5
+    lost = answers(one, room[0], CORNER, scans=8, begin=6, speed_mps=3.0)
+    after = next(one for one in lost if one.reason not in {line_follower.DRIVES, line_follower.JOINS})
+    assert after.reason == (line_follower.UNKNOWN if drives else line_follower.STOPPED)
+    assert (after.drive is not None) is drives
+    assert after.drive is None or after.drive.speed_mps <= 1.0
+
+
+def test_a_car_that_is_held_back_drives_the_next_laps_slower(room):
+    one = follower(room[1], first_lap_share=0.6)
+    one._build_up.share = 1.0
+    answers(one, room[0], (2.0, 0.0, 0.0), scans=6)
+    answers(one, room[0], (2.0, 0.0, 0.0), scans=90, begin=6)
+    assert one.figures["speed_share"] < 1.0, "it asks for 3 m/s and stands"
+
+
+def test_settings_change_while_it_drives(room):
+    one = follower(room[1], first_lap_share=1.0)
+    answers(one, room[0], (2.0, 0.0, 0.0))
+    one.tune(LineFollowSettings(desired_distance_m=0.9, side="right", speed_mps=1.5, first_lap_share=1.0))
+    last = answers(one, room[0], (2.0, 0.0, 0.0), begin=6, scans=1)[-1]
+    assert (last.reason, last.drive.speed_mps) == (line_follower.DRIVES, 1.5)
+
+
+def test_the_same_scans_give_the_same_answers_to_the_bit(room):
+    first, second = (answers(follower(room[1]), room[0], (2.0, 0.1, 0.02), scans=20) for _ in range(2))
+    assert [(one.drive, one.error_m, one.reason) for one in first] == [
+        (one.drive, one.error_m, one.reason) for one in second
+    ]

@@ -1,0 +1,87 @@
+"""Steering by a line: exact feed-forward, a stable return, a flat approach, and the delay taken out."""
+
+import cmath
+import math
+
+import pytest
+
+from tests.runtime.control.line_following.lines import circle
+from wallride.runtime.control.line_following import line_law
+from wallride.runtime.control.line_following.line_law import Moving, heading_error_rad, speed_mps, steering_rad
+from wallride.runtime.control.line_following.tyres import MOST_SHARE, Tyres, slip_rad
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
+
+TYRES = Tyres(0.33, 0.8, 4.7, 5.5)
+WIDE = circle(radius_m=6.0, speed_mps=4.0)
+
+
+def beside(turn=0.0, aside_m=0.0, off_rad=0.0, speed=4.0, trim_rad=0.0):
+    """Return a car beside the wide circle that turns as the circle does."""
+    slip = TYRES.rear_slip_rad(speed**2 / 6.0)
+    place = (6.0 - aside_m) * cmath.exp(1j * turn)
+    return Moving(place, turn + math.pi / 2 + slip + off_rad, speed, speed / 6.0, trim_rad)
+
+
+def steered(car):
+    return steering_rad(car, WIDE, WIDE.nearest(car.place_m), TYRES)
+
+
+@pytest.mark.parametrize("speed", [0.5, 2.0, 4.0, 5.5])
+def test_on_the_line_the_wheels_turn_as_the_bend_needs(speed):
+    needed_rad = math.atan(0.33 / 6.0) + TYRES.understeer_rad(speed**2 / 6.0)
+    assert steered(beside(speed=speed)) == pytest.approx(needed_rad, abs=0.004)
+    assert steered(beside(speed=speed, trim_rad=0.03)) == pytest.approx(needed_rad - 0.03, abs=0.004)
+
+
+def test_steering_and_turn_are_each_others_inverse():
+    for speed in (1.0, 3.0, 5.0):
+        wheels_rad = TYRES.steering_rad(0.2, speed)
+        assert TYRES.turn_radps(wheels_rad, speed, 0.2 * speed) == pytest.approx(0.2 * speed)
+
+
+def test_a_tyre_slips_more_than_in_proportion_and_never_without_end():
+    grip_mps2 = 0.8 * GRAVITY_MPS2
+    assert slip_rad(0.1 * grip_mps2, 5.0, 0.8) == pytest.approx(0.02, abs=1e-5)
+    assert slip_rad(-0.9 * grip_mps2, 5.0, 0.8) < -1.2 * 0.18
+    assert slip_rad(9.0 * grip_mps2, 5.0, 0.8) == slip_rad(MOST_SHARE * grip_mps2, 5.0, 0.8)
+
+
+@pytest.mark.parametrize("aside_m", [0.2, -0.2])
+def test_beside_the_line_it_steers_back(aside_m):
+    assert (steered(beside(aside_m=aside_m)) - steered(beside())) * aside_m < 0.0
+    assert (steered(beside(off_rad=aside_m)) - steered(beside())) * aside_m < 0.0
+
+
+@pytest.mark.parametrize("speed", [1.0, 3.0, 5.0])
+def test_it_comes_back_without_swinging_over(speed):
+    car = beside(aside_m=0.3, speed=speed)
+    told_rad, step_s, asides = 0.0, 0.025, []
+    for _ in range(160):
+        then = car.later(0.045, told_rad, TYRES)
+        told_rad = steered(then)
+        car = car.later(step_s, told_rad, TYRES)
+        asides.append(WIDE.nearest(car.place_m).aside_m)
+    assert min(asides) > -0.08
+    assert max(map(abs, asides[-40:])) < 0.04
+
+
+def test_the_way_to_the_line_is_no_steeper_than_its_bound():
+    speed = 1.2
+    car = beside(aside_m=2.0, speed=speed)
+    steep_rad = math.asin(line_law.STEEPEST)
+    at_bound = steered(beside(aside_m=2.0, off_rad=-steep_rad, speed=speed))
+    assert steered(car) < at_bound, "it turns toward the line first"
+    assert at_bound == pytest.approx(math.atan(0.33 / 6.0), abs=0.03), "and then goes on straight"
+
+
+def test_the_speed_is_that_of_the_place_where_the_motor_obeys():
+    line = circle(radius_m=6.0, speed_mps=2.0)
+    line.speed_mps[4:] = 5.0
+    car = Moving(line.place_at(0.0), math.pi / 2, 4.0, 0.0)
+    assert speed_mps(car, line, line.nearest(car.place_m)) == 5.0
+    assert speed_mps(Moving(line.place_at(0.0), math.pi / 2, 1.0, 0.0), line, line.nearest(car.place_m)) == 2.0
+
+
+def test_the_heading_error_is_that_of_the_way():
+    car = beside(speed=5.0)
+    assert heading_error_rad(car, WIDE.nearest(car.place_m), TYRES) == pytest.approx(0.0, abs=0.01)

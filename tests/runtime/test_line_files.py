@@ -1,0 +1,60 @@
+"""The file of a race line: read as written, and refused with what to do."""
+
+import numpy as np
+import pytest
+
+from tests.runtime.control.line_following.lines import circle
+from tests.runtime.test_map_files import box, write
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.line_files import read_course, read_line
+from wallride.runtime.map_files import MapError
+from wallride.runtime.settings.pose_map import PoseMapSettings
+
+
+def text(line, **changes):
+    columns = {
+        "s": line.along_m, "x": line.places_m.real, "y": line.places_m.imag, "yaw": line.yaw_rad,
+        "kappa": line.curvature_radpm, "v": line.speed_mps, "a": 0 * line.along_m, "away": 0 * line.along_m + 1.0,
+    }  # fmt: skip
+    table = np.column_stack(list((columns | changes).values()))
+    return "# a line\n" + "\n".join("; ".join(f"{one:.5f}" for one in row) for row in table) + "\n"
+
+
+def test_a_line_is_read_as_it_was_written(tmp_path):
+    path = tmp_path / "lab.line.csv"
+    path.write_text(text(circle()))
+    line = read_line(path)
+    assert line.length_m == pytest.approx(circle().length_m, abs=0.01)
+    assert line.curvature_at(2.0) == pytest.approx(1 / 3.0, abs=1e-4)
+    assert line.speed_at(2.0) == 2.0
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("# nothing\n", "0 points are no line"),
+        ("1; 2; 3\n", "line 1: not s_m; x_m"),
+        ("nan; 0; 0; 0; 0; 1; 0; 1\n", "line 1: not s_m"),
+        (text(circle(), v=circle().speed_mps - 3.0), "line 2: not s_m"),
+        ("\n".join(text(circle()).splitlines()[:60]), "the last joins the first; after s 5.8"),
+    ],
+)
+def test_a_file_that_is_no_line_is_refused_with_its_place(tmp_path, content, said):
+    path = tmp_path / "bad.line.csv"
+    path.write_text(content)
+    with pytest.raises(MapError, match=said):
+        read_line(path)
+
+
+def test_the_line_beside_the_map_is_taken_and_another_by_its_name(tmp_path):
+    map_ = write(tmp_path, box())
+    assert read_course(PoseMapSettings(), CarSettings()) is None
+    assert read_course(PoseMapSettings(file=str(map_)), CarSettings()).line is None
+    map_.with_name(f"{map_.stem}.line.csv").write_text(text(circle(speed_mps=1.0)))
+    assert read_course(PoseMapSettings(file=str(map_)), CarSettings()).line.speed_at(0.0) == 1.0
+    other = tmp_path / "other.csv"
+    other.write_text(text(circle(speed_mps=3.0)))
+    named = PoseMapSettings(file=str(map_), line=str(other))
+    assert read_course(named, CarSettings()).line.speed_at(0.0) == 3.0
+    with pytest.raises(MapError, match=r"none\.csv: No such file"):
+        read_course(PoseMapSettings(file=str(map_), line=str(tmp_path / "none.csv")), CarSettings())
