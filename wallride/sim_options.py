@@ -28,6 +28,11 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "--cars", type=cars, default=1, metavar="N",
         help="number of cars in the world, car1 to carN, each with a runtime of its own (default: 1)",
     )  # fmt: skip
+    sim.add_argument(
+        "--race", type=Path, metavar="MAP.yaml",
+        help="drive the race line beside a map of `wallride map`, in the world that it was made of, from where its lap"
+        " began",
+    )  # fmt: skip
     sim.add_argument("--laps", type=int, metavar="N", help="stop after N laps")
     sim.add_argument(
         "--put-back", action="store_true",

@@ -38,6 +38,7 @@ from wallride.sim.live.screen import LiveView, address_in, operate_hint, port_no
 from wallride.sim.live.session import USAGE_ERROR, RuntimeStart, SessionError, SimulatorSession
 from wallride.sim.live.stop_request import StopRequest
 from wallride.sim.live.user_code import UserCode
+from wallride.sim.racing.race import race_figures, take_race, with_lap
 from wallride.sim.recordings import RecordingError, load_recording
 from wallride.sim.scenario.command import tell
 from wallride.sim.scenario.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of
@@ -71,6 +72,7 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     console = Console(stderr=True)
     try:
         with stop.loading():
+            take_race(options)
             config = options.config or find_config()
             saved = saved_settings(config)
             scenario = read_scenario(options, config)
@@ -159,7 +161,7 @@ def _drive(
     if options.laps and world.lap is None:
         raise SimUsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
     duration_s = options.duration or (options.laps * MAX_LAP_S if options.laps else DEFAULT_DURATION_S)
-    live = LiveConditions(vehicle, scene, conditions)
+    live, began = LiveConditions(vehicle, scene, conditions), vehicle.pose
     attach: dict[str, Any] = {"on_devices": chosen.attach} if chosen is not None else {}
     session = SimulatorSession(
         scene,
@@ -180,6 +182,7 @@ def _drive(
         "contacts": scene.contacts,
         "laps": len(scene.lap_times_s),
         "lap_times_s": scene.lap_times_s,
+        **(race_figures(*record.as_driven(), options.race, began, scene.lap_times_s) if options.race else {}),
         "conditions": conditions.changed(),
         "changed_while_driving": live.done + len(record.changes),
     }
@@ -201,6 +204,7 @@ def build_scene(
         raise SimUsageError(str(error)) from None
     conditions = conditions_of(_wishes(options))
     vehicle = Vehicle(conditions.vehicle, parse_pose(options.pose) if options.pose else world.start)
+    world = with_lap(world, options.race, vehicle.pose) if options.race is not None else world
     start = f"--pose {options.pose}" if options.pose else f"the start in {world.name}"
     if not world.clearance(vehicle.pose) <= MAX_START_TO_WALL_M:  # NaN is nowhere
         left_m, bottom_m, right_m, top_m = world.bounds_m

@@ -163,6 +163,10 @@ ROWS: Mapping[str, tuple[str, Words]] = {
     "distance_m": ("distance driven", _in("m")),
     "mean_abs_error_m": ("mean distance error", _in("m")),
     "rms_error_m": ("RMS distance error", _in("m")),
+    "line_rms_m": ("last lap off the line, RMS", _in("m")),
+    "line_largest_m": ("last lap off the line, at most", _in("m")),
+    "trajectory_rms_m": ("found poses off the truth, RMS", _in("m")),
+    "trajectory_largest_m": ("found poses off the truth, at most", _in("m")),
     "settle_s": (
         f"within {100 * SETTLE_BAND_M:g} cm after",
         lambda value: _in("s")(value) if value is not None else "never",

@@ -17,6 +17,7 @@ CONNECT_TIMEOUT_S = 15.0
 RETRY_S = 0.1
 ANSWER_WITHIN_S = 2.0
 MAX_CHANGES = 1000
+MAX_POSES = 20_000
 TOPICS = (topics.STATUS, topics.DISTANCE_ERROR)
 """Displayed topics only: the runtime has to write every subscribed one."""
 _FLOAT32 = struct.Struct("<4xf")
@@ -26,6 +27,7 @@ class Listener:
     """Subscribes to one start of one car at a known endpoint; messages of another start are rejected.
 
     user_code: the user's laws and drivers. own_faults: how often each of their faults began.
+    poses: stamp, x and y of the car on its map, as the status tells them.
     latest: the newest message of each topic; `distance_error` as {"error_m": metres}.
     problem: why nothing is received, "" while messages arrive.
     """
@@ -39,6 +41,7 @@ class Listener:
         self._faulty: frozenset[str] = frozenset()
         self.own_faults: dict[str, int] = {}
         self.latest: dict[str, Mapping[str, Any]] = {}
+        self.poses: list[tuple[float, float, float]] = []
         self.problem = "nothing was heard from it"
         self._heard = asyncio.Event()
         self._bus: Bus | None = None
@@ -105,6 +108,9 @@ class Listener:
                 self.latest[topic], self.problem = status, ""
                 self._count_faults(self._user_code.faults_in(status))
                 self._heard.set()
+                pose = status.get("pose") or {}
+                if pose.get("whereabouts") == "located" and len(self.poses) < MAX_POSES:
+                    self.poses.append((pose["stamp_s"], pose["x_m"], pose["y_m"]))
             else:
                 self.problem = f"another car answers at {self._endpoint} (session {status.get('session')})"
         elif not self.problem:

@@ -46,6 +46,7 @@ class Record:
     track: of the whole drive, thinned. scans: those that the lidar has sent.
     steering_rad: our answer to each scan, read from the wire before the next one; None where it is not needed.
     telemetry: the runtime's newest message of each topic. unheard: why there are none, "" if there are some.
+    poses: on its map, as its status told them: stamp, x, y.
     address: address of the runtime. listen: endpoints that it was to have. starting_s: how long the start has taken.
     began_unix_s: when time_s was 0, since 1970. began_s: the same moment on the monotonic clock.
     changes: the settings that were changed while it drove.
@@ -71,6 +72,7 @@ class Record:
     changes: Sequence[SettingChange] = ()
     telemetry: dict[str, Any] = field(default_factory=dict)
     own_faults: Mapping[str, int] = field(default_factory=dict)
+    poses: Sequence[tuple[float, float, float]] = ()
     unheard: str = "the runtime did not say where its telemetry is"
     address: Address | None = None
     listen: Sequence[str] = ()
@@ -92,6 +94,12 @@ class Record:
         for sample in self.fresh[:count]:
             self.sums.add(sample, wanted_m(sample.time_s))
         del self.fresh[:count]
+
+    def as_driven(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return true time, x, y and speed of the track, (n, 4), and time, x and y of the poses on the map, (m, 3)."""
+        track = [(one.time_s, one.x_m, one.y_m, one.speed_mps) for one in self.track.samples]
+        poses = [(stamp_s - self.began_s, x_m, y_m) for stamp_s, x_m, y_m in self.poses]
+        return np.array(track).reshape(-1, 4), np.array(poses).reshape(-1, 3)
 
     def wanted_m(self) -> Callable[[float], float]:
         """Return the function that tells the distance that was wanted at a time of the drive."""

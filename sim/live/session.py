@@ -282,6 +282,7 @@ class SimulatorSession:
             return None
         listener = Listener(address.endpoint, address.car, address.session, self._user_code)
         self.record.telemetry, self.record.own_faults = listener.latest, listener.own_faults
+        self.record.poses = listener.poses
         if self._changes is not None:
             listener.answer(topics.SIMULATOR, self._changes.answer)
         return listener

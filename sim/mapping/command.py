@@ -28,6 +28,9 @@ def run(options: argparse.Namespace) -> int:
     raster, path = rasterized(lap.frames, lap.poses, record.kind[1]), path_of(record, lap)
     scale = lap.car.scale if len(record.reports) else None
     files = save_map(stem, raster, path, walls_of(lap, raster), scale, f"{ABOUT}{record.name}, {words}")
+    if record.world:
+        with files[0].open("a", encoding="utf-8") as file:
+            file.write(f"# world: {record.world}\n")
     picture = stem.with_name(f"{stem.name}.png")
     title = f"{record.name}: {verdict.way_m:.1f} m, {'good' if verdict.good else 'refused'}"
     save_picture(picture, raster, path, lap, title)

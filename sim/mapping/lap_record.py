@@ -29,7 +29,7 @@ class LapRecord:
     kind: of the lidar. ray_s: time from one beam to the next. scan_s: (n,), time of each scan's last beam. ranges_m:
     (n, beams), NaN without a distance. reports: (m, 4), time [s], way [m], speed [m/s] and steering [rad] as the motor
     controller reported them; without rows where it was not recorded. gyro: (g, 2), time [s] and yaw rate [rad/s],
-    likewise. lidar_m: place of the lidar ahead of the rear axle and left of it, x + iy.
+    likewise. lidar_m: place of the lidar ahead of the rear axle and left of it, x + iy. world: the simulated one.
     """
 
     name: str
@@ -41,6 +41,7 @@ class LapRecord:
     gyro: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     lidar_m: complex = 0j
     wheelbase_m: float = 0.33
+    world: str = ""
 
 
 def read_record(path: Path, topic: str | None = None) -> LapRecord:
@@ -84,10 +85,12 @@ def record_of_log(log: DriveLog) -> LapRecord:
     ranges_m = np.array([decode(decoded[event.sequence]).ranges for event in taken], dtype=np.float32)
     ahead_s = decoded[taken[0].sequence].stamp_ns / NS - taken[0].stamp_s
     rates = [(one.stamp_ns / NS - ahead_s, decode(one).angular_velocity.z) for one in log.of(topics.IMU)]
-    car = settings_of(log, laws=False).car
+    settings = settings_of(log, laws=False)
+    car = settings.car
     return LapRecord(
         log.name, kind, float(first.scan_time) * abs(kind[1]) / math.tau, np.array([event.stamp_s for event in taken]),
         ranges_m, reports_of(_states(events)), np.array(rates).reshape(-1, 2), car.lidar_m, car.wheelbase_m,
+        settings.recording.world,
     )  # fmt: skip
 
 
