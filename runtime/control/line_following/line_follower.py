@@ -134,7 +134,7 @@ class LineFollower:
         if not self._joined:
             if off_rad > LEFT_RAD:
                 return WRONG_WAY
-            if not way_is_free(course.field, line, now.place_m, on):
+            if abs(on.aside_m) > JOINED_M and not way_is_free(course.field, line, now.place_m, on):
                 return BLOCKED
             self._joined = abs(on.aside_m) < JOINED_M and off_rad < JOINED_RAD
             self._laps.begin()

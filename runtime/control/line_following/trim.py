@@ -1,4 +1,7 @@
-"""The steering's trim, learnt from the turn that the scans show."""
+"""The steering's trim, learnt from the turn that the scans show.
+
+That is the change of heading from scan to scan: the filter's own turn leans toward what an untrimmed steering would do.
+"""
 
 import math
 from typing import Final
@@ -21,14 +24,17 @@ class SteeringTrim:
     def __init__(self) -> None:
         self.rad = 0.0
         self._told_rad = 0.0
+        self._yaw_rad = math.nan
 
     def learn(self, now: Moving, told_rad: float, since_s: float, tyres: Tyres) -> None:
         """Take in a scan. told_rad: the angle that the motor reports."""
-        change_rad, self._told_rad = abs(told_rad - self._told_rad), told_rad
-        lateral_mps2 = now.speed_mps * now.turn_radps
-        if now.speed_mps < LEAST_MPS or abs(lateral_mps2) > MOST_MPS2 or change_rad > STEADY_RAD:
+        steady = abs(told_rad - self._told_rad) < STEADY_RAD
+        turned_rad = math.remainder(now.yaw_rad - self._yaw_rad, math.tau) if since_s > 0.0 else math.nan
+        self._told_rad, self._yaw_rad = told_rad, now.yaw_rad
+        unfit = now.speed_mps < LEAST_MPS or abs(now.speed_mps * now.turn_radps) > MOST_MPS2
+        if unfit or not steady or math.isnan(turned_rad):
             return
-        wheels_rad = tyres.steering_rad(now.turn_radps / now.speed_mps, now.speed_mps)
+        wheels_rad = tyres.steering_rad(turned_rad / (since_s * now.speed_mps), now.speed_mps)
         gain = since_s / LEARNS_S
         trim_rad = self.rad + gain * (wheels_rad - told_rad - self.rad)
         self.rad = math.copysign(min(abs(trim_rad), MOST_RAD), trim_rad)
