@@ -113,7 +113,7 @@ class LineFollower:
             if self._settings.without_pose == "stop":
                 return replace(self._by_wall(by_wall, STOPPED), drive=None)
             return self._by_wall(by_wall, UNKNOWN)
-        tyres = self._tyres()
+        tyres = self._tyres().slipping(pose.slip_s2pm)
         now = Moving(
             complex(pose.x_m, pose.y_m), pose.yaw_rad, motor.speed_mps * pose.scale, pose.turn_radps, self._trim.rad
         )

@@ -90,6 +90,20 @@ class CourseLine:
         begin_m, end_m = self.places_m[number], self.places_m[(number + 1) % self.places_m.size]
         return complex(begin_m + share * (end_m - begin_m))
 
+    def ahead(self, along_m: float, ways_m: Floats) -> tuple[Places, Places, Floats]:
+        """Return points, directions (of about unit length) and speeds at ways ahead of a place, (n,) each."""
+        at_m = (along_m + ways_m) % self.length_m
+        number = np.searchsorted(self.along_m, at_m, side="right") - 1
+        after = (number + 1) % self.along_m.size
+        begin_m, step_m = self.along_m[number], (self.along_m[after] - self.along_m[number]) % self.length_m
+        share = np.minimum(1.0, (at_m - begin_m) / np.maximum(step_m, 1e-9))
+        directions = np.exp(1j * self.yaw_rad)
+        places, ways, speeds = (
+            values[number] + share * (values[after] - values[number])
+            for values in (self.places_m, directions, self.speed_mps)
+        )
+        return places, ways, speeds
+
     def _between(self, values: Floats, along_m: float) -> float:
         number, share = self._before(along_m)
         first, last = float(values[number]), float(values[(number + 1) % values.size])

@@ -1,4 +1,4 @@
-"""How far the axles slip aside in a bend, and what a steering angle turns the car by."""
+"""How far the axles slip aside in a bend, and what a steering angle turns the car by: one saturating tyre an axle."""
 
 import math
 from typing import Final
@@ -8,6 +8,9 @@ from wallride.runtime.control.vehicle import GRAVITY_MPS2
 
 MOST_SHARE: Final = 0.97
 """Share of the grip above which a tyre slips without end."""
+
+MOST_OTHER: Final = 1.7
+"""Largest ratio of the observed stiffness of tyres and the assumed one, either way."""
 
 
 @value()
@@ -22,6 +25,12 @@ class Tyres:
     mu: float
     front_per_rad: float
     rear_per_rad: float
+
+    def slipping(self, slip_s2pm: float) -> "Tyres":
+        """Return tyres whose rear axle moves aside by slip * speed^2 * turn, as it was observed; the front alike."""
+        share = 1.0 / (max(slip_s2pm, 1e-3) * self.mu * GRAVITY_MPS2 * self.rear_per_rad)
+        share = min(max(share, 1.0 / MOST_OTHER), MOST_OTHER)
+        return Tyres(self.wheelbase_m, self.mu, share * self.front_per_rad, share * self.rear_per_rad)
 
     def rear_slip_rad(self, lateral_mps2: float) -> float:
         """Return the angle by which the rear axle's way points outward from the car's heading, in a steady bend."""

@@ -44,7 +44,7 @@ class PoseEstimate:
 
     std_m: standard deviation of the position in its worst direction; std_rad: of the heading. share: of the beams that
     fit the map. alike: the places between which nothing decides, x, y, yaw each. turn_radps: how fast it turns. scale:
-    true way over the one that the wheels report.
+    true way over the one that the wheels report. slip_s2pm: the rear axle moves aside by that times speed^2 * turn.
     """
 
     stamp_s: float
@@ -58,6 +58,7 @@ class PoseEstimate:
     alike: tuple[tuple[float, float, float], ...] = ()
     turn_radps: float = math.nan
     scale: float = 1.0
+    slip_s2pm: float = math.nan
 
 
 class Localizer:
@@ -149,6 +150,7 @@ class Localizer:
         return PoseEstimate(
             scan.stamp_s, self._whereabouts, x_m, y_m, yaw_rad, math.sqrt(worst), math.sqrt(turn), share,
             turn_radps=float(self._filter.state[3]), scale=self._filter.scale,
+            slip_s2pm=float(self._filter.state[5]),
         )  # fmt: skip
 
     def _look_for(self, scan: Scan, step: WheelStep, points: ScanPoints) -> PoseEstimate:

@@ -46,6 +46,14 @@ def test_a_tyre_slips_more_than_in_proportion_and_never_without_end():
     assert slip_rad(9.0 * grip_mps2, 5.0, 0.8) == slip_rad(MOST_SHARE * grip_mps2, 5.0, 0.8)
 
 
+def test_tyres_become_what_is_observed_of_them():
+    seen = TYRES.slipping(0.03)
+    assert seen.rear_slip_rad(1.0) == pytest.approx(0.03, rel=0.01)
+    assert seen.front_per_rad / seen.rear_per_rad == pytest.approx(TYRES.front_per_rad / TYRES.rear_per_rad)
+    assert TYRES.slipping(1e9).rear_per_rad == pytest.approx(TYRES.rear_per_rad / 1.7)
+    assert TYRES.slipping(-1.0).rear_per_rad == pytest.approx(TYRES.rear_per_rad * 1.7)
+
+
 @pytest.mark.parametrize("aside_m", [0.2, -0.2])
 def test_beside_the_line_it_steers_back(aside_m):
     assert (steered(beside(aside_m=aside_m)) - steered(beside())) * aside_m < 0.0
