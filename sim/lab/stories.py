@@ -9,68 +9,26 @@ import asyncio
 import logging
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-
-import numpy as np
+from dataclasses import dataclass
 
 from wallride.drivers.api import Drive
-from wallride.runtime.app import Car
 from wallride.runtime.arbitration.command import DriveCommand, Source
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from wallride.sim.lab.courses.walls import SMUDGES
 from wallride.sim.lab.covers import Cover
 from wallride.sim.lab.figures import TOUCH_ABOVE_MPS, Row, number, text
-from wallride.sim.virtual.devices import MemoryBus
-from wallride.sim.virtual.twin_world import UNPLUGGED_AFTER_S, TwinWorld, WorldLidar, WorldMotor
+from wallride.sim.scenario.driven import STANDS_BELOW_MPS, DrivenScenario
+from wallride.sim.scenario.faults import moments_of
+from wallride.sim.scenario.scenario_parts import ScenarioFault
+from wallride.sim.scenario.virtual_drive import SAMPLED_EVERY_S, Stage
+from wallride.sim.virtual.twin_world import TwinWorld
 from wallride.sim.virtual.virtual_time import run_virtual
 from wallride.sim.world.beams import LidarSettings
-from wallride.sim.world.lap import LapCounter
 from wallride.sim.world.obstacles import ConstantMotion, Obstacle, person, sudden_box
-from wallride.sim.world.pose import Pose
 from wallride.sim.world.worlds import load_world
 
-STANDS_BELOW_MPS, GOES_ABOVE_MPS = 0.05, 0.25
-SAMPLED_EVERY_S = 0.025
-
-
-@dataclass(slots=True, eq=False)
-class ReportedFigures:
-    """Record of a story. Lists have one entry every 25 ms: time, pose, true speed, the decision's reason.
-
-    navigation: every distinct report of the follower, in order. window: the last sentences about the lidar's
-    window. laps_s: when the start line was crossed again.
-    """
-
-    twin: TwinWorld
-    motor: WorldMotor
-    time_s: list[float] = field(default_factory=list)
-    pose: list[Pose] = field(default_factory=list)
-    speed_mps: list[float] = field(default_factory=list)
-    reasons: list[str] = field(default_factory=list)
-    navigation: list[str] = field(default_factory=list)
-    window: tuple[str, ...] = ()
-    laps_s: list[float] = field(default_factory=list)
-
-    def speed_at(self, time_s: float) -> float:
-        """Return the true speed at a time."""
-        return self.speed_mps[min(len(self.speed_mps) - 1, max(0, int(np.searchsorted(self.time_s, time_s))))]
-
-    def first(self, after_s: float, holds: Callable[[float], bool]) -> float:
-        """Return the first time after another at which the speed satisfies the condition, infinity if never."""
-        pairs = zip(self.time_s, self.speed_mps, strict=True)
-        return next((at_s for at_s, speed_mps in pairs if at_s > after_s and holds(speed_mps)), math.inf)
-
-    def stood_s(self, from_s: float) -> float:
-        """Return the first time of standstill after a time."""
-        return self.first(from_s, lambda speed_mps: abs(speed_mps) < STANDS_BELOW_MPS)
-
-    def went_s(self, from_s: float) -> float:
-        """Return the first time of forward motion after a time."""
-        return self.first(from_s, lambda speed_mps: speed_mps > GOES_ABOVE_MPS)
-
-
-Event = tuple[float, Callable[["Play"], None]]
+Event = tuple[float, Callable[[Stage], None]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,116 +40,61 @@ class Story:
 
     world: str
     lasts_s: float
-    says: Callable[[ReportedFigures], list[tuple[str, bool]]]
+    says: Callable[[DrivenScenario], list[tuple[str, bool]]]
     speed_mps: float = 2.0
     lidar: LidarSettings | None = None
     obstacles: tuple[Obstacle, ...] = ()
     events: tuple[Event, ...] = ()
+    faults: tuple[ScenarioFault, ...] = ()
     permit: str = "always"
     backs_out: bool = True
     binds_teleop: bool = False
 
 
-class Play:
-    """One run of a story: the car, its devices and its world, for events to act on."""
+def tell(story: Story, seed: int = 1000) -> DrivenScenario:
+    """Run a story in virtual time."""
+    settings = Settings.model_validate(
+        {
+            "battery": {"settle_s": 0.0},
+            "operator": {"permit": story.permit},
+            "wall_follow": {"speed_mps": story.speed_mps},
+            "safety": {"backs_out": story.backs_out, "binds_teleop": story.binds_teleop},
+        }
+    )
 
-    def __init__(self, story: Story, seed: int) -> None:
+    async def main() -> DrivenScenario:
         loop = asyncio.get_running_loop()
-        self.clock = loop.time
         beams = story.lidar or LidarSettings(noise_std_m=0.02, outlier_share=0.02)
         twin = TwinWorld(load_world(story.world), loop.time, lidar=beams, obstacles=story.obstacles, seed=seed)
-        self.lidar = WorldLidar(twin, loop.time)
-        self.motor = WorldMotor(twin, loop.time)
-        self.told = ReportedFigures(twin, self.motor)
-        settings = Settings.model_validate(
-            {
-                "battery": {"settle_s": 0.0},
-                "operator": {"permit": story.permit},
-                "wall_follow": {"speed_mps": story.speed_mps},
-                "safety": {"backs_out": story.backs_out, "binds_teleop": story.binds_teleop},
-            }
-        )
-        self.car = Car(settings, self.lidar, self.motor, MemoryBus(loop.time, listened_to=False), loop.time)
-
-    async def write_down(self) -> None:
-        """Sample the truth until cancelled."""
-        told, twin = self.told, self.told.twin
-        counter = LapCounter(twin.world.lap) if twin.world.lap is not None else None
-        while True:
-            await asyncio.sleep(SAMPLED_EVERY_S)
-            twin.advance()
-            output, pose = self.car.mux.output, twin.vehicle.pose
-            told.time_s.append(self.clock())
-            told.pose.append(pose)
-            told.speed_mps.append(twin.vehicle.speed_mps)
-            told.reasons.append(output.decision.reason if output is not None else "")
-            for word in self.car.queue.live():
-                if isinstance(word, DriveCommand) and word.reason not in told.navigation[-1:]:
-                    told.navigation.append(word.reason)
-            told.window = tuple(self.car.laws.words)
-            if counter is not None and counter.update(pose.x_m, pose.y_m) >= len(told.laps_s) + 1:
-                told.laps_s.append(self.clock())
-
-
-def tell(story: Story, seed: int = 1000) -> ReportedFigures:
-    """Run a story in virtual time."""
-
-    async def main() -> ReportedFigures:
-        loop = asyncio.get_running_loop()
-        play, stop = Play(story, seed), asyncio.Event()
+        stage = Stage(settings, twin)
         for at_s, event in story.events:
-            loop.call_at(at_s, event, play)
-        loop.call_at(story.lasts_s, stop.set)
-        writing = loop.create_task(play.write_down())
-        try:
-            await play.car.drive(stop)
-        finally:
-            writing.cancel()
-        return play.told
+            loop.call_at(at_s, event, stage)
+        for moment in moments_of(story.faults):
+            loop.call_at(moment.at_s, moment.apply, stage, beams, stage.vehicle.settings.grip_mu)
+        return await stage.play(story.lasts_s, to_rest=True)
 
     return run_virtual(main())
 
 
-def pull_lidar(play: Play) -> None:
-    """Pull the lidar's cable."""
-    play.lidar.pull()
-
-
-def plug_lidar(play: Play) -> None:
-    """Plug the lidar in."""
-    play.lidar.plug()
-
-
-def cover_front(play: Play) -> None:
+def cover_front(stage: Stage) -> None:
     """Cover the lidar's front, 120 degrees wide, without returns."""
-    play.told.twin.cover = Cover(None, 60.0, _PULLED_S, seed=0)
+    stage.twin.cover = Cover(None, 60.0, _PULLED_S, seed=0)
 
 
-def uncover_front(play: Play) -> None:
+def uncover_front(stage: Stage) -> None:
     """Remove the cover."""
-    play.told.twin.cover = None
+    stage.twin.cover = None
 
 
-def pull_motor(play: Play) -> None:
-    """Pull the motor controller's cable; it receives no commands and brakes by itself."""
-    play.motor.pull()
-    asyncio.get_running_loop().call_later(UNPLUGGED_AFTER_S, play.motor.brake_by_itself)
-
-
-def plug_motor(play: Play) -> None:
-    """Plug the motor controller in."""
-    play.motor.plug()
-
-
-def swerve(play: Play) -> None:
+def swerve(stage: Stage) -> None:
     """Push the stick to full lock on the right at full speed, as a human does who sees the box come."""
-    word = DriveCommand(Source.TELEOP, Drive(_BOXED_MPS, -play.car.settings.car.max_steering_rad), None, "stick")
-    play.car.queue.put(word, expires_at_s=play.clock() + 0.2)
+    word = DriveCommand(Source.TELEOP, Drive(_BOXED_MPS, -stage.car.settings.car.max_steering_rad), None, "stick")
+    stage.car.queue.put(word, expires_at_s=stage.clock() + 0.2)
 
 
-def untouched(told: ReportedFigures) -> tuple[str, bool]:
+def untouched(told: DrivenScenario) -> tuple[str, bool]:
     """Report whether there was a contact."""
-    touched = told.twin.contact_mps
+    touched = told.contact_mps
     if touched is None:
         return "touches nothing", True
     return f"touched something at {touched:.2f} m/s", touched <= TOUCH_ABOVE_MPS
@@ -202,14 +105,14 @@ def within(what: str, measured_s: float, most_s: float) -> tuple[str, bool]:
     return f"{what} after {measured_s:.2f} s (at most {most_s:g})", measured_s <= most_s
 
 
-def _laps(told: ReportedFigures) -> list[tuple[str, bool]]:
-    best_s = min(np.diff([0.0, *told.laps_s])[1:], default=math.inf)
+def _laps(told: DrivenScenario) -> list[tuple[str, bool]]:
+    best_s = min(told.laps_s[1:], default=math.inf)
     stood = told.stood_s(1.0) < told.time_s[-1] - 1.0
     return [untouched(told), (f"{len(told.laps_s)} laps, best {best_s:.2f} s", len(told.laps_s) >= 2),
             ("never stands", not stood)]  # fmt: skip
 
 
-def _dirty(told: ReportedFigures) -> list[tuple[str, bool]]:
+def _dirty(told: DrivenScenario) -> list[tuple[str, bool]]:
     return [
         untouched(told),
         within("sets off", told.went_s(0.0), 1.0),
@@ -222,7 +125,7 @@ _CROSSES_S = 4.0
 _PERSON = person(8.0, -2.6, ConstantMotion(0.0, 1.0, _CROSSES_S - 2.6, _CROSSES_S + 2.0))
 
 
-def _crossing(told: ReportedFigures) -> list[tuple[str, bool]]:
+def _crossing(told: DrivenScenario) -> list[tuple[str, bool]]:
     slowest = min(told.speed_mps[int(2.0 / SAMPLED_EVERY_S) : int(6.0 / SAMPLED_EVERY_S)])
     gone_s = _CROSSES_S + 0.5
     again_s = told.went_s(gone_s) - gone_s
@@ -237,7 +140,7 @@ def _crossing(told: ReportedFigures) -> list[tuple[str, bool]]:
 _PULLED_S, _BACK_S = 4.0, 7.0
 
 
-def _lost(told: ReportedFigures, brakes_mps2: float, notices_s: float) -> list[tuple[str, bool]]:
+def _lost(told: DrivenScenario, brakes_mps2: float, notices_s: float) -> list[tuple[str, bool]]:
     stood_s = told.stood_s(_PULLED_S)
     speed_mps = told.speed_at(_PULLED_S)
     allowed_s = round(notices_s + speed_mps / brakes_mps2, 2)
@@ -251,17 +154,17 @@ def _lost(told: ReportedFigures, brakes_mps2: float, notices_s: float) -> list[t
     ]
 
 
-def _lidar_lost(told: ReportedFigures) -> list[tuple[str, bool]]:
+def _lidar_lost(told: DrivenScenario) -> list[tuple[str, bool]]:
     """Report the loss of the lidar: the last scan stays valid for 0.15 s; then the car brakes in full."""
     return _lost(told, 5.0, 0.25)
 
 
-def _motor_lost(told: ReportedFigures) -> list[tuple[str, bool]]:
+def _motor_lost(told: DrivenScenario) -> list[tuple[str, bool]]:
     """Report the loss of the motor: only the controller itself can brake, gently, after its own timeout."""
     return _lost(told, 1.9, 0.25)
 
 
-def _front_covered(told: ReportedFigures) -> list[tuple[str, bool]]:
+def _front_covered(told: DrivenScenario) -> list[tuple[str, bool]]:
     """Report a covered front: the first covered scan is a full brake, and the first free one ends it."""
     said = next((reason for reason in told.reasons if reason.startswith("the lidar is blind")), "nothing of it")
     return [*_lost(told, 5.0, 0.1), (f"says: {said}", said != "nothing of it")]
@@ -270,7 +173,7 @@ def _front_covered(told: ReportedFigures) -> list[tuple[str, bool]]:
 _SAYS_SO = ("backing out", "turning out", "boxed in", "wall ahead", "waiting")
 
 
-def _dead_end(told: ReportedFigures) -> list[tuple[str, bool]]:
+def _dead_end(told: DrivenScenario) -> list[tuple[str, bool]]:
     backed = sum(-v for v in told.speed_mps if v < -STANDS_BELOW_MPS) * SAMPLED_EVERY_S
     tried = sorted({reason for reason in told.reasons if reason.startswith(_SAYS_SO)})
     farthest = max(pose.x_m for pose in told.pose)
@@ -290,7 +193,7 @@ _BOX = sudden_box(_BOX_AHEAD_M, width_m=4.0, from_s=_BOXED_S)
 _SWERVES: tuple[Event, ...] = tuple((_BOXED_S - 0.1 + 0.05 * push, swerve) for push in range(40))
 
 
-def _boxed(told: ReportedFigures) -> list[tuple[str, bool]]:
+def _boxed(told: DrivenScenario) -> list[tuple[str, bool]]:
     """Report a box 0.75 m before the bumper at 3 m/s: the floor's whole grip stops the car with 6 cm to spare."""
     said = sorted({reason for reason in told.reasons if reason.startswith(("braking", "swerving"))})
     return [
@@ -308,10 +211,10 @@ STORIES = {
     ),
     "a person crosses": Story("straight", 11.0, _crossing, obstacles=(_PERSON,)),
     "lidar cable pulled and back": Story(
-        "loop", 10.0, _lidar_lost, events=((_PULLED_S, pull_lidar), (_BACK_S, plug_lidar))
+        "loop", 10.0, _lidar_lost, faults=(ScenarioFault(kind="lidar lost", after_s=_PULLED_S, until_s=_BACK_S),)
     ),
     "motor controller lost and back": Story(
-        "loop", 10.0, _motor_lost, events=((_PULLED_S, pull_motor), (_BACK_S, plug_motor))
+        "loop", 10.0, _motor_lost, faults=(ScenarioFault(kind="motor lost", after_s=_PULLED_S, until_s=_BACK_S),)
     ),
     "lidar's front covered and free": Story(
         "loop", 10.0, _front_covered, events=((_PULLED_S, cover_front), (_BACK_S, uncover_front))
@@ -341,7 +244,7 @@ def measure(cell: Cell) -> Figures:
     said = story.says(told)
     return {
         "lasts_s": story.lasts_s,
-        "way_m": number(told.twin.way_m),
+        "way_m": number(told.way_m),
         "scans": len(told.time_s),
         "held": all(held for _, held in said),
         "said": [[what, held] for what, held in said],

@@ -13,7 +13,6 @@ from wallride.sim.scenario.faults import moments_of
 from wallride.sim.scenario.scenario_file import Scenario, load_scenario
 from wallride.sim.virtual.twin_world import UNPLUGGED_AFTER_S, UNPLUGGED_BRAKE_A
 from wallride.sim.world.beams import LidarSettings
-from wallride.sim.world.pose import Pose
 
 SUFFIX = ".toml"
 
@@ -81,10 +80,5 @@ class ScenarioScene(WorldScene):
     def sample(self, time_s: float, vehicle: Vehicle) -> Sample:
         """Return the true state of the car, and write it down."""
         sample = super().sample(time_s, vehicle)
-        self.driven.time_s.append(time_s)
-        self.driven.pose.append(Pose(sample.x_m, sample.y_m, sample.yaw_rad))
-        self.driven.speed_mps.append(sample.speed_mps)
-        self.driven.wall_m.append(sample.wall_m)
-        self.driven.clearance_m.append(sample.clearance_m)
-        self.driven.note_distances(time_s, vehicle.pose, self.surroundings)
+        self.driven.note(sample, self.surroundings)
         return sample

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from wallride.drivers.api import Drive
+from wallride.sim.figures.summary import Sample
 from wallride.sim.scenario.scenario_file import Scenario
 from wallride.sim.scenario.scenario_parts import ScenarioExpectation
 from wallride.sim.world.obstacles import LIDAR_AHEAD_M, Obstacle, ObstacleWorld
@@ -21,7 +23,9 @@ class DrivenScenario:
     """Record of a drive, one entry per sample in each list.
 
     contact_mps: speed at the first contact, None without. reasons: of the decisions; empty where they are not known.
-    laps_s: duration of each lap. nearest_m: least distance of each obstacle that appeared.
+    laps_s: duration of each lap. nearest_m: least distance of each obstacle that appeared. In virtual time also
+    navigation: every distinct reason of a driver's command, in order; window: the last sentences about the lidar's
+    window; way_m: driven so far; wire: (time, drive) of every command that the motor took.
     """
 
     time_s: list[float] = field(default_factory=list)
@@ -33,12 +37,38 @@ class DrivenScenario:
     laps_s: list[float] = field(default_factory=list)
     contact_mps: float | None = None
     nearest_m: dict[Obstacle, float] = field(default_factory=dict)
+    navigation: list[str] = field(default_factory=list)
+    window: tuple[str, ...] = ()
+    way_m: float = 0.0
+    wire: list[tuple[float, Drive]] = field(default_factory=list)
 
-    def note_distances(self, now_s: float, car: Pose, scene: ObstacleWorld) -> None:
-        """Note how near the obstacles are."""
-        for obstacle, away_m in scene.distances_m(now_s, car.ahead(LIDAR_AHEAD_M)).items():
+    def note(self, sample: Sample, scene: ObstacleWorld) -> None:
+        """Note a sample, and how near the obstacles are."""
+        car = Pose(sample.x_m, sample.y_m, sample.yaw_rad)
+        self.time_s.append(sample.time_s)
+        self.pose.append(car)
+        self.speed_mps.append(sample.speed_mps)
+        self.wall_m.append(sample.wall_m)
+        self.clearance_m.append(sample.clearance_m)
+        for obstacle, away_m in scene.distances_m(sample.time_s, car.ahead(LIDAR_AHEAD_M)).items():
             near_m = max(0.0, away_m - obstacle.half_length_m)
             self.nearest_m[obstacle] = min(near_m, self.nearest_m.get(obstacle, math.inf))
+
+    def speed_at(self, time_s: float) -> float:
+        """Return the true speed at a time."""
+        return self.speed_mps[min(len(self.speed_mps) - 1, max(0, int(np.searchsorted(self.time_s, time_s))))]
+
+    def stood_s(self, from_s: float) -> float:
+        """Return the first time of standstill after a time, infinity if never."""
+        return self._first_s(from_s, lambda speed_mps: abs(speed_mps) < STANDS_BELOW_MPS)
+
+    def went_s(self, from_s: float) -> float:
+        """Return the first time of forward motion after a time, infinity if never."""
+        return self._first_s(from_s, lambda speed_mps: speed_mps > DRIVES_ABOVE_MPS)
+
+    def _first_s(self, after_s: float, holds: Callable[[float], bool]) -> float:
+        pairs = zip(self.time_s, self.speed_mps, strict=True)
+        return next((at_s for at_s, speed_mps in pairs if at_s > after_s and holds(speed_mps)), math.inf)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,10 +1,12 @@
-"""A scenario in virtual time: the whole process with in-memory devices, seconds of driving in tenths of a second."""
+"""A drive in virtual time: the whole process with in-memory devices, seconds of driving in tenths of a second."""
 
 import asyncio
 
 from wallride.runtime.app import Car
+from wallride.runtime.arbitration.command import DriveCommand
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.figures.summary import Sample
 from wallride.sim.scenario.driven import DrivenScenario
 from wallride.sim.scenario.faults import moments_of
 from wallride.sim.scenario.scenario_file import Scenario
@@ -19,86 +21,100 @@ SAMPLED_EVERY_S = 0.025
 
 def drive_scenario(scenario: Scenario) -> DrivenScenario:
     """Drive a scenario to its end, or to half a second after a contact; the same one gives the same record."""
-    return run_virtual(_Stage(scenario).play())
+    conditions, content = scenario.conditions, scenario.content
+
+    async def main() -> DrivenScenario:
+        loop = asyncio.get_running_loop()
+        twin = TwinWorld(
+            scenario.world, loop.time, start=scenario.start, vehicle=conditions.vehicle,
+            lidar=conditions.lidar, obstacles=scenario.obstacles, seed=content.seed,
+        )  # fmt: skip
+        stage = Stage(_virtual(scenario.settings), twin)
+        for moment in moments_of(content.fault):
+            loop.call_at(moment.at_s, moment.apply, stage, conditions.lidar, conditions.vehicle.grip_mu)
+        return await stage.play(content.duration_s)
+
+    return run_virtual(main())
 
 
-class _Stage:
-    """Car, devices and world of one run. Implements FaultyCar."""
+class Stage:
+    """Car, devices and world of one drive, and its record. Implements FaultyCar."""
 
-    def __init__(self, scenario: Scenario) -> None:
-        self._scenario = scenario
-        self._driven = DrivenScenario()
+    def __init__(self, settings: Settings, twin: TwinWorld) -> None:
+        self._loop = asyncio.get_running_loop()
+        self.clock = self._loop.time
+        self.twin = twin
+        self.sensor, self.motor = WorldLidar(twin, self.clock), WorldMotor(twin, self.clock)
+        self.car = Car(settings, self.sensor, self.motor, MemoryBus(self.clock, listened_to=False), self.clock)
+        self.driven = DrivenScenario(wire=self.motor.wire)
         self._stop = asyncio.Event()
 
     @property
     def vehicle(self) -> Vehicle:
-        return self._twin.vehicle
+        """Return the car's body."""
+        return self.twin.vehicle
 
     @property
     def lidar(self) -> LidarSettings:
-        return self._twin.lidar_settings
+        """Return the conditions of its lidar."""
+        return self.twin.lidar_settings
 
     def set_lidar(self, lidar: LidarSettings) -> None:
-        self._twin.lidar_settings = lidar
+        """Change the conditions of its lidar."""
+        self.twin.lidar_settings = lidar
 
     def plug_lidar(self, *, plugged: bool) -> None:
+        """Pull the lidar's cable, or plug it in."""
         if plugged:
-            self._lidar.plug()
+            self.sensor.plug()
         else:
-            self._lidar.pull()
+            self.sensor.pull()
 
     def plug_motor(self, *, plugged: bool) -> None:
+        """Pull the motor controller's cable, after which it brakes by itself, or plug it in."""
         if plugged:
-            self._motor.plug()
+            self.motor.plug()
         else:
-            self._motor.pull()
-            asyncio.get_running_loop().call_later(UNPLUGGED_AFTER_S, self._motor.brake_by_itself)
+            self.motor.pull()
+            self._loop.call_later(UNPLUGGED_AFTER_S, self.motor.brake_by_itself)
 
-    async def play(self) -> DrivenScenario:
-        """Drive, with the faults at their times."""
-        scenario, loop = self._scenario, asyncio.get_running_loop()
-        conditions = scenario.conditions
-        self._twin = TwinWorld(
-            scenario.world, loop.time, start=scenario.start, vehicle=conditions.vehicle, lidar=conditions.lidar,
-            obstacles=scenario.obstacles, seed=scenario.content.seed,
-        )  # fmt: skip
-        self._lidar, self._motor = WorldLidar(self._twin, loop.time), WorldMotor(self._twin, loop.time)
-        bus = MemoryBus(loop.time, listened_to=False)
-        self._car = Car(_virtual(scenario.settings), self._lidar, self._motor, bus, loop.time)
-        for moment in moments_of(scenario.content.fault):
-            grip_mu = conditions.vehicle.grip_mu
-            loop.call_at(moment.at_s, moment.apply, self, conditions.lidar, grip_mu)
-        loop.call_at(scenario.content.duration_s, self._stop.set)
-        sampling = loop.create_task(self._sample())
+    async def play(self, lasts_s: float, *, to_rest: bool = False) -> DrivenScenario:
+        """Drive, and return the record up to a contact or the time. to_rest: up to where the car rests after it."""
+        self._loop.call_at(lasts_s, self._stop.set)
+        sampling = self._loop.create_task(self._sample(to_rest=to_rest))
         try:
-            await self._car.drive(self._stop)
+            await self.car.drive(self._stop)
         finally:
             sampling.cancel()
-        return self._driven
+        return self.driven
 
-    async def _sample(self) -> None:
-        """Write down the truth until cancelled; a contact ends the drive."""
-        driven, twin, loop = self._driven, self._twin, asyncio.get_running_loop()
-        side = self._scenario.settings.wall_follow.side
+    async def _sample(self, *, to_rest: bool) -> None:
+        driven, twin = self.driven, self.twin
         counter = LapCounter(twin.world.lap) if twin.world.lap is not None else None
-        begun_s = 0.0
-        while not self._stop.is_set():
+        side, lap_from_s = self.car.settings.wall_follow.side, 0.0
+        while to_rest or not self._stop.is_set():
             await asyncio.sleep(SAMPLED_EVERY_S)
             twin.advance()
-            output, pose, now_s = self._car.mux.output, twin.vehicle.pose, loop.time()
-            driven.time_s.append(now_s)
-            driven.pose.append(pose)
-            driven.speed_mps.append(twin.vehicle.speed_mps)
-            driven.wall_m.append(twin.world.wall_distance_m(pose, side))
-            driven.clearance_m.append(twin.scene.clearance(pose))
-            driven.reasons.append(output.decision.reason if output is not None else "")
-            driven.note_distances(now_s, pose, twin.scene)
+            vehicle, pose, now_s = twin.vehicle, twin.vehicle.pose, self.clock()
+            wall_m, clearance_m = twin.world.wall_distance_m(pose, side), twin.scene.clearance(pose)
+            sample = Sample(now_s, pose.x_m, pose.y_m, pose.yaw_rad, vehicle.speed_mps, wall_m, clearance_m)
+            driven.note(sample, twin.scene)
+            self._note_decision()
             if counter is not None and counter.update(pose.x_m, pose.y_m) >= len(driven.laps_s) + 1:
-                driven.laps_s.append(now_s - begun_s)
-                begun_s = now_s
-            if twin.contact_mps is not None:
-                driven.contact_mps = twin.contact_mps
+                driven.laps_s.append(now_s - lap_from_s)
+                lap_from_s = now_s
+            driven.contact_mps = twin.contact_mps
+            if driven.contact_mps is not None and not to_rest:
                 self._stop.set()
+
+    def _note_decision(self) -> None:
+        driven, output = self.driven, self.car.mux.output
+        driven.reasons.append(output.decision.reason if output is not None else "")
+        driven.window = tuple(self.car.laws.words)
+        driven.way_m = self.twin.way_m
+        for command in self.car.queue.live():
+            if isinstance(command, DriveCommand) and command.reason not in driven.navigation[-1:]:
+                driven.navigation.append(command.reason)
 
 
 def _virtual(settings: Settings) -> Settings:

@@ -291,16 +291,16 @@ def test_laps_are_driven_at_the_wall_and_repeat_to_the_last_bit():
     story = replace(STORIES["laps of the loop"], lasts_s=6.0)
     first, second = tell(story), tell(story)
     assert first.pose == second.pose
-    assert first.motor.wire == second.motor.wire
+    assert first.wire == second.wire
     assert first.pose != tell(story, seed=7).pose, "another noise, another drive"
-    off_m = [abs(first.twin.world.wall_distance_m(pose, "left") - 1.0) for pose in first.pose[80:]]
+    off_m = [abs(wall_m - 1.0) for wall_m in first.wall_m[80:]]
     assert sum(off_m) / len(off_m) < 0.06, "the corners are rounded"
 
 
 def test_from_a_pulled_lidar_cable_on_not_one_command_moves_the_car():
     told = tell(STORIES["lidar cable pulled and back"])
     pulled_s, back_s = 4.0, 7.0
-    after = [drive for at_s, drive in told.motor.wire if pulled_s + 0.15 < at_s < back_s]
+    after = [drive for at_s, drive in told.wire if pulled_s + 0.15 < at_s < back_s]
     assert after
     assert {drive.speed_mps for drive in after} == {0.0}
     assert {drive.brake_mps2 for drive in after} == {math.inf}, "nobody sees: all the brake there is"
@@ -321,9 +321,9 @@ def test_with_a_permit_a_pulled_cable_is_the_end_of_it():
 
 def test_a_motor_that_comes_back_is_told_no_more_than_it_turns():
     told = tell(STORIES["motor controller lost and back"])
-    first = next(drive for at_s, drive in told.motor.wire if at_s >= 7.0)
+    first = next(drive for at_s, drive in told.wire if at_s >= 7.0)
     assert abs(first.speed_mps) < 0.2
-    assert not [at_s for at_s, _ in told.motor.wire if 4.0 < at_s < 6.99]
+    assert not [at_s for at_s, _ in told.wire if 4.0 < at_s < 6.99]
 
 
 def test_a_person_is_braked_for_before_the_scan_that_shows_him_can_drive():
@@ -331,9 +331,9 @@ def test_a_person_is_braked_for_before_the_scan_that_shows_him_can_drive():
     appears_s = 3.0
     there = person(6.5, 0.0, ConstantMotion(0.0, 0.0, appears_s))
     told = tell(replace(STORIES["a person crosses"], obstacles=(there,), lasts_s=5.0, speed_mps=2.0))
-    assert told.twin.contact_mps is None
+    assert told.contact_mps is None
     assert told.speed_at(appears_s) > 1.8
-    assert {drive.speed_mps for at_s, drive in told.motor.wire if at_s > appears_s + 0.024} == {0.0}
+    assert {drive.speed_mps for at_s, drive in told.wire if at_s > appears_s + 0.024} == {0.0}
 
 
 def test_a_dirty_window_is_said_and_a_clean_one_is_not():

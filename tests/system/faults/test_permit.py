@@ -1,9 +1,13 @@
 """With a permit required: what is lost disarms, what comes back arms nothing, and the state says so."""
 
+from functools import partial
+from typing import Any
+
 import pytest
 
 from wallride.runtime.arbitration.driving_state import DrivingState
-from wallride.sim.lab.stories import Story, plug_lidar, plug_motor, pull_lidar, pull_motor, tell
+from wallride.sim.lab.stories import Story, tell
+from wallride.sim.scenario.virtual_drive import Stage
 
 PULLED_S, BACK_S, ENDS_S = 3.0, 5.0, 7.0
 MOVING = {DrivingState.DRIVING, DrivingState.LIMITED}
@@ -22,12 +26,12 @@ def clear(play):
 
 
 def exchange(play):
-    play.lidar.health.identity = "another lidar"
+    play.sensor.health.identity = "another lidar"
 
 
-FAULTS = {
-    "lidar": (pull_lidar, plug_lidar, DrivingState.WAITING),
-    "motor": (pull_motor, plug_motor, DrivingState.WAITING),
+FAULTS: dict[str, tuple[Any, Any, DrivingState]] = {
+    "lidar": (partial(Stage.plug_lidar, plugged=False), partial(Stage.plug_lidar, plugged=True), DrivingState.WAITING),
+    "motor": (partial(Stage.plug_motor, plugged=False), partial(Stage.plug_motor, plugged=True), DrivingState.WAITING),
     "fault": (fault, clear, DrivingState.FAULT),
     "another lidar": (exchange, lambda _: None, DrivingState.DISARMED),
 }
