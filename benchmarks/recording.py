@@ -33,7 +33,7 @@ from wallride.runtime.realtime.stage_timing import StageTimer
 from wallride.runtime.realtime.wall_clock import WallClock
 from wallride.runtime.recording import recorder
 from wallride.runtime.recording.decision_log import DecisionLog
-from wallride.runtime.recording.disk import Disk, RealDisk
+from wallride.runtime.recording.disk import Disk
 from wallride.runtime.recording.recorder import Recorder
 from wallride.runtime.rehearsal import Rehearsal
 from wallride.runtime.settings.recording import RecordingSettings
@@ -77,7 +77,7 @@ class SteadyLidar:
             due_s += (int((self._clock() - due_s) * RATE_HZ) + 1) / RATE_HZ
 
 
-class SlowDisk(RealDisk):
+class SlowDisk(Disk):
     """Limits writes to a number of bytes per second."""
 
     def __init__(self, bytes_per_s: float) -> None:
@@ -199,7 +199,7 @@ def main() -> None:
     sys.setswitchinterval(options.switch_interval)
     if options.unpaced:
         recorder.WORK_S = 1e9
-    disk = SlowDisk(1e6 * options.disk_mbps) if options.disk_mbps else RealDisk()
+    disk = SlowDisk(1e6 * options.disk_mbps) if options.disk_mbps else Disk()
     folder = Path(tempfile.mkdtemp(prefix="wallride-bench-", dir=options.folder))
     settings = Settings()
     Rehearsal(settings, time.monotonic).warm_up()

@@ -1,29 +1,17 @@
 """Names on the bus that are no cars: recordings that `wallride replay --publish` plays under a car's name."""
 
-from collections.abc import Callable, Iterator
-from typing import Protocol
+from collections.abc import Iterator
 
 from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
 
 NOTHING_DRIVES = "a recording is played here; nothing drives"
-
-
-class Ears(Protocol):
-    """The part of the bus that is needed."""
-
-    def watch(self, key: str, changed: Callable[[str, bool], None]) -> None:
-        """Call for every liveliness token."""
-        ...
-
-    def subscribe(self, key: str, receive: Callable[[str, bytes, float], None]) -> None:
-        """Call for every sample."""
-        ...
 
 
 class PlayedNames:
     """The names that announce a recording and of which no heartbeat is heard: a recording has none, every car has."""
 
-    def __init__(self, bus: Ears, car: str = "*") -> None:
+    def __init__(self, bus: Bus, car: str = "*") -> None:
         self._announced: set[str] = set()
         self._alive: set[str] = set()
         bus.watch(topics.key(car, topics.PLAYED), self._on_token)

@@ -3,13 +3,14 @@
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from statistics import median
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Protocol, Self
 
 from wallride.clients.calibration.ways import CalibrationError
 from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.remote.car import RemoteCar
 from wallride.clients.remote.driver import DriveRefusedError, RemoteDriver
 from wallride.clients.remote.values import DriveSample, MotorSample, ScanSample
 from wallride.runtime.calibration.trace import TraceBuilder
@@ -51,18 +52,6 @@ class HeldDeadman(Protocol):
         ...
 
 
-class DrivenCar(Protocol):
-    """The part of a RemoteCar that a calibration needs."""
-
-    def drive(self, *, max_speed_mps: float, max_steering_rad: float) -> RemoteDriver:
-        """Return a block in which this program drives."""
-        ...
-
-    def topics(self, *names: str) -> Iterable[tuple[str, Any]]:
-        """Return topic and value, as they come."""
-        ...
-
-
 class RemoteLink:
     """Implements CalibratedCar, within a `with` block. tell: gets what the operator has to know.
 
@@ -70,7 +59,7 @@ class RemoteLink:
     go and holds again: what lies between two stops is measured, however long it became.
     """
 
-    def __init__(self, car: DrivenCar, deadman: HeldDeadman, tell: Callable[[str], None]) -> None:
+    def __init__(self, car: RemoteCar, deadman: HeldDeadman, tell: Callable[[str], None]) -> None:
         self.seen = TraceBuilder()
         self._car, self._deadman, self._tell = car, deadman, tell
         self._hand: RemoteDriver | None = None

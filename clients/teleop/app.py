@@ -7,7 +7,6 @@ import sys
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import ExitStack
-from typing import Protocol
 
 from wallride.clients.connection import ConnectionProblemError, another_car, connected
 from wallride.clients.ending import INTERRUPTED, stopping
@@ -31,6 +30,7 @@ from wallride.clients.teleop.sources import (
 from wallride.clients.teleop.wizard import Wizard
 from wallride.runtime.ending import end
 from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.network import BYTES
 from wallride.runtime.wire.teleop import Input, Malformed, read_beat
 
@@ -47,26 +47,6 @@ class TeleopProblemError(Exception):
     """An error that the user can correct; one line with the remedy."""
 
 
-class Link(Protocol):
-    """The part of the bus that a client needs."""
-
-    def put(self, key: str, payload: bytes, *, encoding: str = ..., urgent: bool = False) -> None:
-        """Publish without waiting."""
-        ...
-
-    def subscribe(self, key: str, receive: Callable[[str, bytes, float], None]) -> None:
-        """Call for every sample."""
-        ...
-
-    def announce(self, key: str) -> None:
-        """Hold a liveliness token."""
-        ...
-
-    def watch(self, key: str, changed: Callable[[str, bool], None]) -> None:
-        """Call for every liveliness token."""
-        ...
-
-
 class Client:
     """One operator at one car.
 
@@ -76,7 +56,7 @@ class Client:
     """
 
     def __init__(
-        self, link: Link, car: str, pilot: Pilot, source: InputSource, screen: Screen, clock: Clock,
+        self, link: Bus, car: str, pilot: Pilot, source: InputSource, screen: Screen, clock: Clock,
         session: int | None = None,
     ) -> None:  # fmt: skip
         self._link = link

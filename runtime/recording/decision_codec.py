@@ -13,7 +13,6 @@ from wallride.runtime.control.perception.own_parts import KnownParts
 from wallride.runtime.recording.decision_log import (
     CommandEvent,
     DecisionEvent,
-    Dumpable,
     Entry,
     Event,
     FollowerEvent,
@@ -25,6 +24,7 @@ from wallride.runtime.recording.decision_log import (
     WithdrawalEvent,
 )
 from wallride.runtime.recording.own_parts_memory import known_parts
+from wallride.runtime.settings.tree import Settings
 
 FORMAT = 1
 
@@ -140,7 +140,7 @@ def _encode_step(batch: _Batch, times_s: Sequence[float], elapsed_s: float, live
     ]  # fmt: skip
 
 
-def _encode_settings(_: _Batch, settings: Dumpable) -> list[Any]:
+def _encode_settings(_: _Batch, settings: Settings) -> list[Any]:
     return [settings.model_dump(mode="json")]
 
 

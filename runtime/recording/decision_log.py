@@ -13,7 +13,7 @@ import itertools
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,7 @@ from wallride.drivers.api import Clock, MotorState, Scan
 from wallride.runtime.arbitration.command import Output, QueueEntry, Source
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.perception.own_parts import KnownParts
+from wallride.runtime.settings.tree import Settings
 
 MAX_EVENTS = 8192
 """Maximum number of waiting events, about half a minute; of more the oldest are lost, which shows as a gap in their
@@ -139,14 +140,6 @@ Heard = Sequence[Source | QueueEntry]
 """The entries in force: a law's by its source, other sources' in full."""
 
 
-class Dumpable(Protocol):
-    """The part of the settings that is needed here."""
-
-    def model_dump(self, *, mode: str) -> dict[str, Any]:
-        """Return plain values."""
-        ...
-
-
 Entry = tuple[int, str, tuple[Any, ...]]
 """One event as the hot path leaves it, references only: its number since the process started, its kind, its parts."""
 
@@ -202,7 +195,7 @@ class DecisionLog:
         heard = [word.source if word.source in LAWS else word for word in live]
         self._entries.append((next(self._numbers), "step", (self._end(), elapsed_s, heard, output)))
 
-    def add_settings(self, settings: Dumpable) -> None:
+    def add_settings(self, settings: Settings) -> None:
         """Note the settings in force from here on."""
         self._entries.append((next(self._numbers), "settings", (settings,)))
 

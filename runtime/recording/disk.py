@@ -7,7 +7,7 @@ import stat
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import IO, Protocol
+from typing import IO
 
 _MODE = 0o640
 _WORDS: Mapping[int, str] = MappingProxyType(
@@ -23,39 +23,7 @@ _WORDS: Mapping[int, str] = MappingProxyType(
 )
 
 
-class Disk(Protocol):
-    """Storage of files. Every call may block for seconds, and may raise OSError."""
-
-    def create(self, path: Path) -> int:
-        """Create a new file and return its descriptor; the name survives a power cut."""
-        ...
-
-    def write(self, descriptor: int, data: memoryview) -> int:
-        """Write some of the data; return the number of bytes."""
-        ...
-
-    def sync(self, descriptor: int) -> None:
-        """Return once the file's data can survive a power cut."""
-        ...
-
-    def close(self, descriptor: int) -> None:
-        """Close the file."""
-        ...
-
-    def remove(self, path: Path) -> None:
-        """Delete a file."""
-        ...
-
-    def free_bytes(self, folder: Path) -> int:
-        """Return the bytes that an ordinary user may still write there."""
-        ...
-
-    def has(self, descriptor: int, path: Path, size_bytes: int) -> bool:
-        """Tell whether an open file is still the one at its path, of the length that was written."""
-        ...
-
-
-class RealDisk:
+class Disk:
     """The machine's own disk."""
 
     def create(self, path: Path) -> int:

@@ -24,7 +24,7 @@ from wallride.runtime.realtime.wall_clock import WallClock
 from wallride.runtime.recording import channels
 from wallride.runtime.recording.channels import RecordMessage
 from wallride.runtime.recording.decision_log import MAX_EVENTS, DecisionLog
-from wallride.runtime.recording.disk import Disk, RealDisk
+from wallride.runtime.recording.disk import Disk
 from wallride.runtime.recording.ring import MB, Ring
 from wallride.runtime.recording.transcriber import Transcriber
 from wallride.runtime.recording.writer import FileMetadata, RecordingWriter
@@ -96,7 +96,7 @@ class Recorder:
         self.is_enabled = settings.enabled
         self._settings = settings
         self._clock = clock
-        self._disk = disk or RealDisk()
+        self._disk = disk or Disk()
         self._waiting: deque[RecordMessage] = deque()
         self._lines: deque[tuple[float, logging.LogRecord]] = deque(maxlen=MAX_LINES)
         self._put_bytes = 0  # only the loop adds to this one, only the thread to the next: no lock is needed

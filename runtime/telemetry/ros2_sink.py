@@ -1,8 +1,6 @@
 """Sink that publishes the topics for ROS 2 as rmw_zenoh would: the same bytes under other keys, with attachments."""
 
 import functools
-from collections.abc import Callable
-from typing import Protocol
 
 from wallride.runtime.realtime.wall_clock import WallClock
 from wallride.runtime.ros import messages
@@ -10,37 +8,8 @@ from wallride.runtime.ros.graph import DRIVE, PUBLISHED, SCAN_BY_BEAM, TF_ODOM, 
 from wallride.runtime.ros.messages import Frame
 from wallride.runtime.settings.telemetry import RatesHz
 from wallride.runtime.telemetry.sinks import TopicGate
-from wallride.runtime.wire.network import CDR
+from wallride.runtime.wire.network import CDR, Network
 from wallride.runtime.wire.rmw_zenoh import RosGraph, attachment, gid
-
-
-class RosNetwork(Protocol):
-    """The part of a bus that is needed here."""
-
-    @property
-    def session_id(self) -> str:
-        """Return zenoh's id of the open session."""
-        ...
-
-    def put_attached(self, key: str, payload: bytes, *, encoding: str, attachment: bytes) -> None:
-        """Publish without waiting."""
-        ...
-
-    def put_latched(self, key: str, payload: bytes, *, encoding: str, attachment: bytes) -> None:
-        """Publish, and keep the message for late subscribers."""
-        ...
-
-    def wanted(self, key: str, *, encoding: str) -> bool:
-        """Tell whether the key has a subscriber."""
-        ...
-
-    def announce(self, key: str) -> None:
-        """Hold a liveliness token."""
-        ...
-
-    def when_open(self, declare: Callable[[], None]) -> None:
-        """Call once the session is open."""
-        ...
 
 
 class Ros2Sink:
@@ -51,7 +20,7 @@ class Ros2Sink:
 
     def __init__(
         self,
-        bus: RosNetwork,
+        bus: Network,
         graph: RosGraph,
         rates: RatesHz,
         laser: Frame,

@@ -13,7 +13,7 @@ from wallride.runtime.parameters.history import ChangeHistory
 from wallride.runtime.parameters.server import ParameterServer, ServerContext
 from wallride.runtime.realtime.wall_clock import WallClock
 from wallride.runtime.recording import requests as of_recordings
-from wallride.runtime.recording.disk import RealDisk
+from wallride.runtime.recording.disk import Disk
 from wallride.runtime.recording.mcap_file import McapFile
 from wallride.runtime.recording.recorder import Recorder
 from wallride.runtime.settings.recording import RecordingSettings
@@ -147,7 +147,7 @@ async def _of_recordings(folder: Path) -> dict[str, str]:
     settings = RecordingSettings(folder=str(folder), keep_free_mb=0)
     recorder = Recorder(settings, car="car1", version="0.1.0", wall_clock=zero, clock=lambda: 12.5)
     recorder.folder.mkdir(parents=True, exist_ok=True)
-    McapFile(recorder.folder / EXAMPLE_NAME, RealDisk(), {}, "wallride").close()
+    McapFile(recorder.folder / EXAMPLE_NAME, Disk(), {}, "wallride").close()
     library = Library(recorder)
     listed = json.loads(await library.list_all(b"{}"))
     listed["files"][0] |= {"size_bytes": 3_500_000, "duration_s": 60.0}

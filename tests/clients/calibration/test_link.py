@@ -8,6 +8,7 @@ import pytest
 from wallride.clients.calibration import link as links
 from wallride.clients.calibration.link import LetGoError, RemoteLink
 from wallride.clients.calibration.ways import CalibrationError
+from wallride.clients.remote.car import RemoteCar
 from wallride.clients.remote.driver import DriveRefusedError
 from wallride.clients.remote.values import DriveSample, MotorSample, ScanSample
 
@@ -35,7 +36,7 @@ class Hand:
         self.log.append("release")
 
 
-class Car:
+class Car(RemoteCar):
     def __init__(self, samples=()):
         self.log, self.hands, self.samples = [], [], samples
 
@@ -43,7 +44,7 @@ class Car:
         self.hands.append(Hand(self.log))
         return self.hands[-1]
 
-    def topics(self, *_names):
+    def topics(self, *_names, **_options):
         return iter([("", one) for one in self.samples])
 
 

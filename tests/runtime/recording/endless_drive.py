@@ -6,11 +6,11 @@ import time
 from pathlib import Path
 
 from tests.runtime.recording.drives import PERIOD_S, Drive
-from wallride.runtime.recording.disk import RealDisk
+from wallride.runtime.recording.disk import Disk
 
 
 async def main():
-    drive = Drive(Path(sys.argv[1]), start="always", real=True, disk=RealDisk())
+    drive = Drive(Path(sys.argv[1]), start="always", real=True, disk=Disk())
     drive.permit()
     drive.recorder.start()
     telemetry = asyncio.create_task(drive.telemetry.run())

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from wallride.runtime.recording.disk import RealDisk
+from wallride.runtime.recording.disk import Disk
 from wallride.runtime.recording.ring import (
     MB,
     Entry,
@@ -87,7 +87,7 @@ def test_an_odd_entry_is_skipped_and_named_once_and_the_next_one_goes(tmp_path, 
 def test_counts_that_cannot_be_read_or_written_hold_no_recording_up(tmp_path, counts):
     (tmp_path / "20260101T000000Z-b0001-00005.mcap").touch()
     (tmp_path / counts).mkdir()
-    ring = Ring(tmp_path, RecordingSettings(), RealDisk(), "boot")
+    ring = Ring(tmp_path, RecordingSettings(), Disk(), "boot")
     assert [parse(ring.next_path(0).name) for _ in range(2)] == [(6, False, ""), (7, False, "")]
 
 
@@ -106,7 +106,7 @@ def test_a_folder_that_may_not_be_read_hides_no_other(tmp_path, monkeypatch):
 
 
 def test_an_open_file_is_missed_when_it_was_deleted_moved_cut_or_grew(tmp_path):
-    disk = RealDisk()
+    disk = Disk()
     for number, harm in enumerate(
         (Path.unlink, lambda path: path.rename(tmp_path / "elsewhere"), lambda path: os.truncate(path, 3),
          lambda path: path.write_bytes(b"12345678 of another"), lambda path: path.parent.rename(tmp_path / "away"))

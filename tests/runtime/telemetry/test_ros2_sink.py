@@ -10,6 +10,7 @@ from wallride.runtime.settings.telemetry import RatesHz
 from wallride.runtime.telemetry.ros2_sink import Ros2Sink
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.rmw_zenoh import Distro, RosGraph, gid, read_attachment
+from wallride.sim.virtual.devices import MemoryBus
 
 GRAPH = RosGraph(3, Distro.JAZZY, "wallride_car1")
 LASER = Frame("base_link", "laser", 0.27, 0.0, 0.0)
@@ -17,13 +18,14 @@ START_NS = 1_790_000_000_000_000_000
 WALL_CLOCK = WallClock(lambda: 5.0, lambda: START_NS + 5_000_000_000)
 
 
-class RosBus:
+class RosBus(MemoryBus):
     """A session that is opened by hand. wishes: the keys with a subscriber."""
 
     session_id = "abc1"
 
     def __init__(self):
-        self.tokens, self.sent, self.latched, self.wishes, self.declared = [], [], [], set(), []
+        super().__init__(lambda: 0.0)
+        self.announced, self.sent, self.latched, self.wishes, self.declared = [], [], [], set(), []
 
     def put_attached(self, key, payload, *, encoding, attachment):
         self.sent.append((key, payload, encoding, attachment))
@@ -31,11 +33,11 @@ class RosBus:
     def put_latched(self, key, payload, *, encoding, attachment):
         self.latched.append((key, payload, encoding, attachment))
 
-    def wanted(self, key, *, encoding):
+    def wanted(self, key, *, encoding="", urgent=False):
         return key in self.wishes
 
     def announce(self, key):
-        self.tokens.append(key)
+        self.announced.append(key)
 
     def when_open(self, declare):
         self.declared.append(declare)
@@ -59,9 +61,9 @@ def key_of(topic):
 def test_the_node_and_all_publishers_are_announced_once_the_session_is_open():
     bus = RosBus()
     Ros2Sink(bus, GRAPH, RatesHz(), LASER, wall_clock=WALL_CLOCK)
-    assert bus.tokens == []
+    assert bus.announced == []
     bus.open()
-    node, *endpoints = bus.tokens
+    node, *endpoints = bus.announced
     assert node == "@ros2_lv/3/abc1/0/0/NN/%/%/wallride_car1"
     assert [token.split("/")[9] for token in endpoints] == [
         *(f"%{topic.name}" for topic in PUBLISHED.values()), "%tf_static",
@@ -88,7 +90,7 @@ def test_each_sample_has_its_number_its_stamp_and_its_publisher():
         sink.take(topics.ODOM, TYPES[topics.ODOM], stamp_s, b"odom")
     sink.take(TF_ODOM, "", 1.25, b"tf")
     notes = [(key, read_attachment(note)) for key, _, _, note in bus.sent]
-    odom, tf = (gid(next(one for one in bus.tokens if f"/%{name}/" in one)) for name in ("odom", "tf"))
+    odom, tf = (gid(next(one for one in bus.announced if f"/%{name}/" in one)) for name in ("odom", "tf"))
     assert notes == [
         (key_of(topics.ODOM), (1, START_NS + 1_000_000_000, odom)),
         (key_of(topics.ODOM), (2, START_NS + 1_500_000_000, odom)),

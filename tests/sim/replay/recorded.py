@@ -9,7 +9,7 @@ from wallride.runtime.line_files import course_of
 from wallride.runtime.recording import channels
 from wallride.runtime.recording.channels import RecordMessage
 from wallride.runtime.recording.decision_log import DecisionLog
-from wallride.runtime.recording.disk import RealDisk
+from wallride.runtime.recording.disk import Disk
 from wallride.runtime.recording.laws_fingerprint import laws_fingerprint
 from wallride.runtime.recording.mcap_file import McapFile
 from wallride.runtime.recording.transcriber import Transcriber
@@ -76,7 +76,7 @@ def record(
         car = Car(settings, WorldLidar(twin, loop.time), motor, MemoryBus(loop.time), decision_log.clock, around)
         car.connect()
         facts = {"car": settings.car.name, "version": version("wallride"), "laws": laws_fingerprint()}
-        file = McapFile(path, RealDisk(), facts, "wallride")
+        file = McapFile(path, Disk(), facts, "wallride")
         car.telemetry.sinks.append(Sink(file, car.wall_clock))
         tape_over(car, decision_log)
         stop = asyncio.Event()

@@ -13,7 +13,7 @@ from wallride.drivers.api import Drive
 from wallride.runtime.arbitration.command import DriveCommand, Source, refusal
 from wallride.runtime.recording import channels
 from wallride.runtime.recording.decision_log import DecisionEvent
-from wallride.runtime.recording.disk import RealDisk
+from wallride.runtime.recording.disk import Disk
 from wallride.runtime.recording.mcap_file import McapFile
 from wallride.runtime.settings.tree import SettingsError
 from wallride.runtime.wire import topics
@@ -166,7 +166,7 @@ def test_nothing_on_the_tape_is_infinite_time(dead_end):
 def rewritten(path, folder, *, leave_out=lambda message: False, change=lambda payload: payload):
     """Return a copy without some messages, or with another decision log."""
     copy = folder / "copy.mcap"
-    file = McapFile(copy, RealDisk(), {"car": "car1"}, "wallride")
+    file = McapFile(copy, Disk(), {"car": "car1"}, "wallride")
     for message in read_log(path).messages:
         if not leave_out(message):
             payload = change(message.payload) if message.topic == channels.TAPE else message.payload
