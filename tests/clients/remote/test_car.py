@@ -5,22 +5,18 @@ import itertools
 import math
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
 
 import wallride
-from tests.clients.monitor.fake_car import FakeCar as DeskCar
 from tests.clients.speaking_car import speaking_car
 from tests.clients.teleop.test_app import FakeCar
 from tests.clients.test_logs import Car as CarWithRecorder
 from tests.clients.test_parameters import Car as CarWithParameters
 from wallride.clients.connection import ConnectionProblemError
-from wallride.clients.remote.driver import DriveRefusedError
 from wallride.clients.remote.values import OdometrySample, ScanSample
 from wallride.runtime.wire.network import RefusedError
-from wallride.runtime.wire.ports import free_endpoint
 from wallride.runtime.wire.teleop import Press
 
 
@@ -177,187 +173,6 @@ async def test_after_a_recording_the_car_records_as_before(tmp_path, start, aske
                 return car.recorder.status()["why"]
 
         assert await in_thread(script) == after
-
-
-async def test_driving_releases_first_then_presses_then_says_goodbye():
-    async with FakeCar() as car:
-
-        def script():
-            with wallride.connect(at=car.bus.endpoint, name="ann") as remote, remote.drive(max_speed_mps=1.0) as hand:
-                until_s = time.monotonic() + 1.0
-                while time.monotonic() < until_s and Press.MANUAL not in car.flags[:-5]:
-                    hand.send(0.5, 0.1)
-                    time.sleep(0.02)
-
-        await in_thread(script)
-        await car.heard(Press.GOODBYE)
-    first = car.flags.index(Press.MANUAL)
-    assert Press(0) in car.flags[:first]
-    driven = [command for _, command in car.commands if command.flags == Press.MANUAL]
-    assert (driven[0].speed_mps, driven[0].steering_rad) == (0.0, 0.0), "pressed with centred sticks"
-    assert (driven[-1].speed_mps, driven[-1].steering_rad) == (pytest.approx(0.5), pytest.approx(0.1))
-    assert all(command.beat > 0 and command.car_session == 4 for command in driven)
-    assert driven[-1].name == "ann"
-
-
-LEFT_UNSURE = Press.GOODBYE | Press.UNSURE
-
-
-async def test_a_script_that_stalls_or_fails_stops_the_car_and_gives_the_place_back_without_a_release():
-    async with FakeCar() as car:
-
-        def stall():
-            with wallride.connect(at=car.bus.endpoint) as remote, remote.drive() as hand:
-                hand.send(0.5, 0.1)
-                time.sleep(0.6)
-                assert car.flags[-1] == Press.UNSURE
-                with pytest.raises(DriveRefusedError, match=r"sent nothing for 0\.2 s; begin anew"):
-                    hand.send(0.5, 0.1)
-
-        await in_thread(stall)
-        await car.heard(LEFT_UNSURE)
-        assert Press.GOODBYE not in car.flags
-        car.commands.clear()
-
-        def fail():
-            with wallride.connect(at=car.bus.endpoint) as remote, remote.drive() as hand:
-                hand.send(0.5, 0.1)
-                raise ZeroDivisionError
-
-        with pytest.raises(ZeroDivisionError):
-            await in_thread(fail)
-        await car.heard(LEFT_UNSURE)
-        assert Press.GOODBYE not in car.flags
-
-
-async def test_a_block_that_stalls_at_its_end_ends_with_the_error():
-    async with FakeCar() as car:
-
-        def script():
-            with wallride.connect(at=car.bus.endpoint) as remote, remote.drive() as hand:
-                hand.send(0.5, 0.1)
-                until_s = time.monotonic() + 10.0
-                while Press.UNSURE not in car.flags and time.monotonic() < until_s:
-                    time.sleep(0.02)
-
-        with pytest.raises(DriveRefusedError, match=r"sent nothing for 0\.2 s; begin anew"):
-            await in_thread(script)
-
-
-async def test_a_block_of_one_command_is_obeyed_and_moves_nothing():
-    async with DeskCar(free_endpoint(), permit="required") as car:
-
-        def script():
-            with wallride.connect(at=car.bus.endpoint) as remote:
-                for _ in range(5):
-                    with remote.drive() as hand:
-                        hand.send(0.5, 0.1)
-
-        await in_thread(script)
-        assert {speed_mps for _, speed_mps in car.history} == {0.0}
-        assert car.desk.view().accepted > 5 * 3
-
-
-@pytest.mark.parametrize("sends", [1, 5])
-async def test_a_block_whose_commands_the_car_did_not_take_ends_with_an_error(sends):
-    async with FakeCar(obeys=False) as car:
-
-        def drive(remote, times):
-            with remote.drive() as hand:
-                for _ in range(times):
-                    hand.send(0.5, 0.1)
-                    time.sleep(0.02)
-
-        def script():
-            with wallride.connect(at=car.bus.endpoint) as remote:
-                with pytest.raises(DriveRefusedError, match="certificate's role operator"):
-                    drive(remote, sends)
-                drive(remote, 0)  # asked for nothing: nothing was refused
-
-        await in_thread(script)
-        await car.heard(Press.GOODBYE)
-
-
-async def test_a_long_block_learns_before_its_end_that_the_car_takes_no_command():
-    async with FakeCar(obeys=False) as car:
-
-        def script():
-            with wallride.connect(at=car.bus.endpoint) as remote, remote.drive() as hand:
-                until_s = time.monotonic() + 5.0
-                while time.monotonic() < until_s:
-                    hand.send(0.5, 0.1)
-                    time.sleep(0.02)
-
-        with pytest.raises(DriveRefusedError, match="certificate's role operator"):
-            await in_thread(script)
-
-
-def e_stop(remote, times=0, error=None):
-    """Press the e-stop in a block that ends at once, after some commands; `error` is raised in it."""
-    with remote.drive() as hand:
-        for _ in range(times):
-            hand.send(0.5, 0.1)
-            time.sleep(0.02)
-        hand.e_stop()
-        if error is not None:
-            raise error
-
-
-@pytest.mark.parametrize("times", [0, 10])
-@pytest.mark.parametrize("error", [None, ZeroDivisionError()])
-async def test_an_e_stop_reaches_the_car_although_the_block_ends_at_once(times, error):
-    async with FakeCar() as car:
-
-        def script():
-            with wallride.connect(at=car.bus.endpoint) as remote:
-                if error is None:
-                    e_stop(remote, times)
-                    return
-                with pytest.raises(ZeroDivisionError):
-                    e_stop(remote, times, error)
-
-        await in_thread(script)
-        assert Press.ESTOP in car.flags
-
-
-async def test_an_e_stop_is_sent_although_the_connection_is_closed_at_once():
-    async with FakeCar(obeys=False) as car:
-
-        def script():
-            with wallride.connect(at=car.bus.endpoint) as remote, remote.drive() as hand:
-                hand.e_stop()
-                remote.close()
-
-        await in_thread(script)
-        await car.heard(Press.ESTOP)
-
-
-async def test_an_e_stop_that_the_car_does_not_confirm_is_an_error():
-    async with FakeCar(obeys=False) as car:
-
-        def script():
-            with wallride.connect(at=car.bus.endpoint) as remote:
-                e_stop(remote)
-
-        with pytest.raises(DriveRefusedError, match=r"did not confirm the e-stop .*: stop it by hand"):
-            await in_thread(script)
-        assert car.flags.count(Press.ESTOP) > 10, "repeated all the while"
-
-
-async def test_a_car_without_a_heartbeat_cannot_be_driven():
-    async with FakeCar() as car:
-        car.beating = False
-
-        def script():
-            with wallride.connect(at=car.bus.endpoint) as remote:
-                with pytest.raises(DriveRefusedError, match="no heartbeat"), remote.drive():
-                    pass
-                with pytest.raises(DriveRefusedError, match="with block"):
-                    remote.drive().send(1.0, 0.0)
-                with pytest.raises(ConnectionProblemError, match="must be positive"):
-                    remote.drive(max_speed_mps=math.nan)
-
-        await in_thread(script)
 
 
 ENDS_WITHOUT_CLOSING = """

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Final
 
 from tests.system.soak.history_rules import LEASE_S, Judge, Moved
+from tests.system.soak.history_sender import Sender
 from wallride.drivers.api import LinkState
 from wallride.laws import Guidance, LawSettings
 from wallride.runtime.app import Car
@@ -23,7 +24,7 @@ from wallride.runtime.ros import messages
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.rmw_zenoh import ROS2_PLANNER, attachment
-from wallride.runtime.wire.teleop import Beat, CarCondition, Command, Input, Press, read_beat
+from wallride.runtime.wire.teleop import CarCondition, Command, Press, read_beat
 from wallride.sim.virtual.devices import MemoryBus, MemoryLidar, MemoryMotor, ranges_between_walls
 from wallride.sim.virtual.virtual_time import VirtualTimeLoop, run_virtual
 
@@ -41,8 +42,7 @@ SHARES: Final = (0.75, 0.16, 0.06, 0.03)
 
 @dataclass
 class Found:
-    """What histories found, added up. kept: the first violations, with their seeds. moved: motor commands that moved,
-    by driver. events: what happened, and how often."""
+    """Sums over histories. kept: first violations, with seeds. moved: moving commands by driver. events: how often."""
 
     histories: int = 0
     seconds: float = 0.0
@@ -84,44 +84,6 @@ class Law:
             self.world.judge.law_raised()
             raise ValueError("the dice said so")
         return Guidance(state.desired_speed_mps, 0.0)
-
-
-@dataclass
-class Sender:
-    """A client that says at every second step what it holds. deaf: hears no beat. late: its link holds all back.
-
-    next_holds: what it will hold instead, each for some steps.
-    """
-
-    name: str
-    session: int
-    holds: Press | None = None
-    deaf: bool = False
-    late: list[Command] | None = None
-    sequence: int = 0
-    car_session: int = 0
-    beat: int = 0
-    next_holds: list[tuple[Press | None, int]] = field(default_factory=list)
-
-    def hear(self, beat: Beat) -> None:
-        if not self.deaf:
-            self.car_session, self.beat = beat.car_session, beat.beat
-
-    def turn(self) -> None:
-        """Go on with what it will hold."""
-        if self.next_holds:
-            self.holds, steps = self.next_holds.pop(0)
-            if steps > 1:
-                self.next_holds.insert(0, (self.holds, steps - 1))
-
-    def make(self, mark: float) -> Command | None:
-        if self.holds is None:
-            return None
-        self.sequence += 1
-        return Command(
-            self.session, self.sequence, self.car_session, self.beat, self.holds, Input.SCRIPT, 0,
-            0.8, mark, self.name,
-        )  # fmt: skip
 
 
 class Bus(MemoryBus):
