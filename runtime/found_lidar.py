@@ -3,6 +3,7 @@
 From then on the car starts with that lidar or says that it is missing: another one never takes its place unsaid.
 """
 
+import asyncio
 from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
@@ -23,7 +24,7 @@ IDENTITY_CHARACTERS: Final = 80
 async def look_for(lidar: AutoLidarSettings, motor: AnyMotorSettings) -> FoundLidar:
     """Return the one lidar at this computer; DriverError without one, or with several. Nothing is written."""
     taken = next((text for name, text in addresses(lidar, motor) if name.startswith("motor.")), "")
-    return await find_lidar(lidar, places(lidar.address, taken))
+    return await find_lidar(lidar, places(lidar.address, taken), clock=asyncio.get_running_loop().time)
 
 
 def write_down(

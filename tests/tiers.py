@@ -21,8 +21,6 @@ SLOW: Final = (
     "system/test_uplink.py", "system/test_walls.py", "system/test_ways_out.py", "wallride/deploy/test_over_ssh.py",
     "wallride/doctor/test_command.py", "wallride/doctor/test_planted_in_the_devices.py", "wallride/test_cli.py",
     "wallride/test_install.py", "wallride/test_one_package.py", "wallride/vesc/test_command.py",
-    # devices that are waited for, one after the other
-    "drivers/auto/test_identify.py",
     # hundreds of drives or searches: the lab's experiments and what they are made of
     "benchmarks/test_corners.py", "benchmarks/test_recordings.py", "benchmarks/test_simulator.py",
     "runtime/calibration/test_planted_errors.py", "sim/fit/test_fit.py", "sim/lab/", "sim/lab_report/test_report.py",

@@ -1,13 +1,12 @@
 """The other end of a driver: what the conformance kit asks of a device, and the bench around an emulator."""
 
 import math
-import time
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from wallride.drivers.conformance.port import EmulatorPort
+from wallride.drivers.conformance.port import EmulatorPort, now_s
 from wallride.drivers.own import DriverSettings
 
 Floats = npt.NDArray[np.float64]
@@ -136,7 +135,7 @@ class EmulatorBench:
         self._driver, self._settings = driver, settings
         self._port = EmulatorPort(emulator.feed)
         self._due_s = -math.inf
-        self._distance_m, self._stepped_s = 0.0, time.monotonic()
+        self._distance_m, self._stepped_s = 0.0, now_s()
         self.start, self.close = self._port.start, self._port.unplug
         self.unplug, self.replug = self._port.unplug, self._port.replug
         self.send, self.hold, self.release = self._port.send, self._port.hold, self._port.release
@@ -163,7 +162,7 @@ class EmulatorBench:
     def driver(self) -> Any:  # noqa: ANN401 - the user's
         """Return a new driver."""
         model: Any = getattr(self._driver, "Settings", DriverSettings)
-        return self._driver(model(address=self._port.address, **self._settings), time.monotonic)
+        return self._driver(model(address=self._port.address, **self._settings), now_s)
 
     def step(self, now_s: float) -> None:
         """Let it send what is due."""

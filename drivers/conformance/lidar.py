@@ -2,7 +2,6 @@
 
 import asyncio
 import random
-import time
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from wallride.drivers.api import LinkState, Scan
 from wallride.drivers.conformance.bench import LidarBench, room_m
-from wallride.drivers.conformance.port import run_test
+from wallride.drivers.conformance.port import now_s, run_test
 from wallride.drivers.scan_check import ScanCheck
 
 PATIENCE_S = 12.0
@@ -38,20 +37,20 @@ class LidarRun:
 
     def on_scan(self, scan: Scan) -> None:
         """Take a scan."""
-        if fault := self._check.fault(scan, time.monotonic()):
+        if fault := self._check.fault(scan, now_s()):
             self.faults.append(fault)
         self.scans.append(scan)
 
     async def until(self, done: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> None:
         """Let the device go on until something is so; AssertionError where it does not become so."""
-        end_s = time.monotonic() + patience_s
+        end_s = now_s() + patience_s
         while not done():
             if self.task.done() and not self.task.cancelled() and self.task.exception() is not None:
                 self.task.result()
             assert not self.task.done(), "run() ended, which has no end"
             assert not self.faults, f"the driver {self.faults[0]}"
-            assert time.monotonic() < end_s, f"{what}: not within {patience_s:g} s; {self.driver.health.message}"
-            self.bench.step(time.monotonic())
+            assert now_s() < end_s, f"{what}: not within {patience_s:g} s; {self.driver.health.message}"
+            self.bench.step(now_s())
             await asyncio.sleep(STEP_S)
 
     async def more(self, count: int = 3) -> list[Scan]:
@@ -62,8 +61,8 @@ class LidarRun:
 
     async def run_for(self, duration_s: float) -> None:
         """Let the device go on for a time."""
-        end_s = time.monotonic() + duration_s
-        await self.until(lambda: time.monotonic() >= end_s, "time")
+        end_s = now_s() + duration_s
+        await self.until(lambda: now_s() >= end_s, "time")
 
     def is_ready(self) -> bool:
         """Return whether the driver says that all is well."""
@@ -151,7 +150,7 @@ class LidarConformance:
             period_s = float(np.median(np.diff([scan.stamp_s for scan in steady])))
             drive.bench.hold()
             await drive.run_for(STALL_S)
-            before, released_s = len(drive.scans), time.monotonic()
+            before, released_s = len(drive.scans), now_s()
             drive.bench.release()
             await drive.more(4)
             burst = [scan for scan in drive.scans[before:] if scan.received_s < released_s + 0.03]
@@ -213,9 +212,9 @@ class LidarConformance:
 
 async def _ends(drive: LidarRun) -> None:
     drive.task.cancel()
-    end_s = time.monotonic() + ENDS_S
-    while not drive.task.done() and time.monotonic() < end_s:
-        drive.bench.step(time.monotonic())
+    end_s = now_s() + ENDS_S
+    while not drive.task.done() and now_s() < end_s:
+        drive.bench.step(now_s())
         await asyncio.sleep(STEP_S)
     assert drive.task.done(), "it does not end when it is cancelled"
     assert drive.task.cancelled(), "it swallows its cancellation"

@@ -6,13 +6,12 @@ Reversals and latched faults are not in it: the car sees to them.
 import asyncio
 import math
 import random
-import time
 from collections.abc import Awaitable, Callable
 from typing import Any
 
 from wallride.drivers.api import Drive, LinkState
 from wallride.drivers.conformance.bench import MotorBench
-from wallride.drivers.conformance.port import run_test
+from wallride.drivers.conformance.port import now_s, run_test
 
 PATIENCE_S = 8.0
 NOTICED_S = 1.5
@@ -32,18 +31,18 @@ class MotorRun:
 
     async def until(self, done: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> None:
         """Let the device go on until something is so; AssertionError where it does not become so."""
-        end_s = time.monotonic() + patience_s
+        end_s = now_s() + patience_s
         while not done():
             if self.task.done():
                 self.task.result()
-            assert time.monotonic() < end_s, f"{what}: not within {patience_s:g} s; {self.driver.health.message}"
-            self.bench.step(time.monotonic())
+            assert now_s() < end_s, f"{what}: not within {patience_s:g} s; {self.driver.health.message}"
+            self.bench.step(now_s())
             await asyncio.sleep(STEP_S)
 
     async def run_for(self, duration_s: float) -> None:
         """Let the device go on for a time."""
-        end_s = time.monotonic() + duration_s
-        await self.until(lambda: time.monotonic() >= end_s, "time")
+        end_s = now_s() + duration_s
+        await self.until(lambda: now_s() >= end_s, "time")
 
     async def ready(self) -> None:
         """Wait until it takes commands."""
@@ -54,8 +53,8 @@ class MotorRun:
     async def moves(self) -> None:
         """Have the wheels turn."""
         await self.ready()
-        end_s = time.monotonic() + PATIENCE_S
-        while abs((self.bench.commanded[0] or 0.0) - SPEED_MPS) > 0.05 and time.monotonic() < end_s:
+        end_s = now_s() + PATIENCE_S
+        while abs((self.bench.commanded[0] or 0.0) - SPEED_MPS) > 0.05 and now_s() < end_s:
             assert self.driver.send(Drive(SPEED_MPS, STEERING_RAD)), "send() of a device that is READY"
             await self.run_for(0.03)
         speed_mps, steering_rad, _ = self.bench.commanded
@@ -102,7 +101,7 @@ class MotorConformance:
             assert abs(state.speed_mps - SPEED_MPS) < 0.1, f"{SPEED_MPS:g} m/s is reported as {state.speed_mps:g}"
             assert state.distance_m > before_m + 0.1, "distance_m does not grow with the way"
             assert abs(state.steering_rad - STEERING_RAD) < 0.02, "steering_rad is the last steering commanded"
-            assert 0 <= time.monotonic() - state.stamp_s < 0.2, "stamp_s is no time of this clock, or an old one"
+            assert 0 <= now_s() - state.stamp_s < 0.2, "stamp_s is no time of this clock, or an old one"
             assert drive.driver.health.identity, "health.identity says which device it is"
 
         self.drive(body)
@@ -152,9 +151,9 @@ class MotorConformance:
             await asyncio.wait({drive.task}, timeout=ENDS_S)
             assert drive.task.done(), "it does not end when it is cancelled"
             assert drive.task.cancelled(), "it swallows its cancellation"
-            end_s = time.monotonic() + AT_ONCE_S
-            while time.monotonic() < end_s:
-                drive.bench.step(time.monotonic())
+            end_s = now_s() + AT_ONCE_S
+            while now_s() < end_s:
+                drive.bench.step(now_s())
                 await asyncio.sleep(STEP_S)
             assert drive.bench.commanded[0] is None, "the last command of a connection is no brake"
             assert not drive.driver.send(Drive(SPEED_MPS, 0.0)), "send() of a closed port answers False"
@@ -188,7 +187,7 @@ class MotorConformance:
             drive.bench.silence = True
             await drive.until(
                 lambda: drive.driver.health.link is not LinkState.READY or drive.driver.state is None
-                or time.monotonic() - drive.driver.state.stamp_s > 0.5, "silence", NOTICED_S,
+                or now_s() - drive.driver.state.stamp_s > 0.5, "silence", NOTICED_S,
             )  # fmt: skip
             drive.bench.silence = False
             await drive.ready()

@@ -1,7 +1,6 @@
 """A port on loopback behind which an emulated device speaks, with the faults of a cable."""
 
 import asyncio
-import time
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -9,6 +8,11 @@ Feed = Callable[[bytes, float], bytes]
 """Takes bytes of the driver and the monotonic time of their arrival; returns the device's answer."""
 HOST = "127.0.0.1"
 TEST_S = 60.0
+
+
+def now_s() -> float:
+    """Return the time of the running loop, which is the monotonic clock; a loop of a test may have its own."""
+    return asyncio.get_running_loop().time()
 
 
 def run_test(work: Coroutine[Any, Any, None]) -> None:
@@ -96,7 +100,7 @@ class EmulatorPort:
         self._writer = writer
         try:
             while data := await reader.read(4096):
-                if not self.silence and (answer := self._feed(data, time.monotonic())):
+                if not self.silence and (answer := self._feed(data, now_s())):
                     self.send(answer)
         except ConnectionError:
             pass

@@ -8,7 +8,7 @@ such stories use in-memory devices.
 import asyncio
 import selectors
 from collections.abc import Coroutine
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 T = TypeVar("T")
 
@@ -30,14 +30,16 @@ class _JumpingSelector(selectors.DefaultSelector):
 class VirtualTimeLoop(asyncio.SelectorEventLoop):
     """A selector loop on virtual seconds, starting at 0."""
 
+    selector: ClassVar[type[Any]] = _JumpingSelector
+
     def __init__(self) -> None:
-        self._jumping = _JumpingSelector()
+        self._jumping = self.selector()
         super().__init__(self._jumping)
         self._clock_resolution = 1e-9
 
     def time(self) -> float:
         """Return the virtual seconds since the loop was made."""
-        return self._jumping.now_s
+        return float(self._jumping.now_s)
 
 
 def run_virtual(main: Coroutine[Any, Any, T]) -> T:

@@ -1,7 +1,6 @@
 """The lidar, opened by its own driver: does it answer, what does it say of itself, what does it see."""
 
 import asyncio
-import time
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -66,16 +65,17 @@ class LidarReport:
 
 async def look_at_lidar(settings: AnyLidarSettings, *, patience_s: float = PATIENCE_S) -> LidarReport:
     """Run the driver until enough scans came, or it failed twice; the sensor is left quiet."""
-    driver = lidar_for(settings)
+    clock = asyncio.get_running_loop().time
+    driver = lidar_for(settings, clock=clock)
     report = LidarReport(driver.health)
     running = asyncio.create_task(driver.run(report.scans.append))
-    give_up_s = time.monotonic() + patience_s
+    give_up_s = clock() + patience_s
     failed, trouble = False, ""
     try:
-        while len(report.scans) < WANTED_SCANS and time.monotonic() < give_up_s and not running.done():
+        while len(report.scans) < WANTED_SCANS and clock() < give_up_s and not running.done():
             if not failed and driver.health.counts.get("reconnect"):
                 failed = True
-                give_up_s = min(give_up_s, time.monotonic() + AGAIN_S)
+                give_up_s = min(give_up_s, clock() + AGAIN_S)
             if driver.health.link in {LinkState.ABSENT, LinkState.FAULTY}:
                 trouble = driver.health.message
             await asyncio.sleep(_POLL_S)

@@ -2,7 +2,6 @@
 
 import asyncio
 import math
-import time
 from dataclasses import dataclass
 from typing import Final
 
@@ -57,17 +56,18 @@ class MotorReport:
 
 async def look_at_motor(settings: AnyMotorSettings, *, patience_s: float = PATIENCE_S) -> MotorReport:
     """Run the driver until it has reported for a while, or failed."""
-    driver = motor_for(settings)
+    clock = asyncio.get_running_loop().time
+    driver = motor_for(settings, clock=clock)
     running = asyncio.create_task(driver.run())
     report = MotorReport(driver.health)
-    give_up_s = time.monotonic() + patience_s
+    give_up_s = clock() + patience_s
     observed_until_s = math.inf
     try:
-        while time.monotonic() < min(give_up_s, observed_until_s) and not running.done():
+        while clock() < min(give_up_s, observed_until_s) and not running.done():
             if driver.state is not None:
                 report.state = driver.state
                 report.bounds = driver.words if isinstance(driver, PwmMotor) else ()
-                observed_until_s = min(observed_until_s, time.monotonic() + OBSERVED_S)
+                observed_until_s = min(observed_until_s, clock() + OBSERVED_S)
             elif driver.health.link is LinkState.ABSENT and driver.health.message != Health().message:
                 break
             await asyncio.sleep(_POLL_S)

@@ -1,7 +1,6 @@
 """Whether a VESC stands still and takes commands from no program, by its own values."""
 
 import asyncio
-import time
 from typing import Final
 
 from wallride.drivers.vesc.replies import STATUS_TIMED_OUT, Values
@@ -24,18 +23,19 @@ async def why_not_idle(link: VescSettingsLink, timeout_s: float) -> str:
     timeout_s: its command timeout: where its firmware reports it, it must have passed. LinkLost as of the link.
     """
     waited = 0 < timeout_s <= MAX_SHOWN_TIMEOUT_S
-    now_s = time.monotonic()
+    clock = asyncio.get_running_loop().time
+    now_s = clock()
     give_up_s = now_s + OBSERVED_S + SPARE_S + (timeout_s if waited else 0.0)
     idle_since_s, first, last_why = now_s, None, ""
-    while (now_s := time.monotonic()) < give_up_s:
+    while (now_s := clock()) < give_up_s:
         values = await link.values()
         if values is None:
             return "the VESC does not tell its speed"
         why = _why_busy(values, first, needs_timeout=waited)
         if why:
-            idle_since_s, first, last_why = time.monotonic(), None, why
+            idle_since_s, first, last_why = clock(), None, why
         elif first is None:
-            idle_since_s, first = time.monotonic(), values
+            idle_since_s, first = clock(), values
         elif now_s - idle_since_s >= OBSERVED_S:
             return ""
         await asyncio.sleep(ASK_EVERY_S)

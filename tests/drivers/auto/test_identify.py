@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-import time
 from contextlib import asynccontextmanager, suppress
 
 import pytest
@@ -26,16 +25,24 @@ from wallride.sim.devices.ydlidar import YdlidarDevice
 AUTO = AutoLidarSettings()
 
 
+def clock():
+    return asyncio.get_running_loop().time
+
+
+def look(settings, places):
+    return find_lidar(settings, places, clock=clock())
+
+
 @asynccontextmanager
 async def turning(device, path, *, baud=True):
     """A turning lidar on a serial port that hears one speed of the line only."""
-    emulator = TurningEmulator(device)
+    emulator = TurningEmulator(device, clock=clock())
     emulator.baud = device.model.baud if baud else None
     emulator.start_serial(path)
 
     async def turn():
         while True:
-            emulator.advance(time.monotonic(), room_mm)
+            emulator.advance(emulator._clock(), room_mm)
             await asyncio.sleep(0.004)
 
     running = asyncio.create_task(turn())
@@ -50,7 +57,7 @@ async def turning(device, path, *, baud=True):
 async def test_an_rplidar_is_found_at_its_speed_and_left_quiet(tmp_path, model):
     async with turning(RplidarDevice(model), tmp_path / "port") as emulator:
         emulator.device.streaming = True  # left on by a program that was killed
-        found = await find_lidar(AUTO, [f"serial://{tmp_path / 'port'}"])
+        found = await look(AUTO, [f"serial://{tmp_path / 'port'}"])
         assert isinstance(found.settings, RplidarSettings)
         assert found.settings.address == f"serial://{tmp_path / 'port'}?baud={model.baud}"
         assert found.identity.startswith("RPLIDAR")
@@ -60,7 +67,7 @@ async def test_an_rplidar_is_found_at_its_speed_and_left_quiet(tmp_path, model):
 @pytest.mark.parametrize("model", [ydlidar.X4, ydlidar.G4])
 async def test_a_ydlidar_is_found_at_its_speed(tmp_path, model):
     async with turning(YdlidarDevice(model), tmp_path / "port") as emulator:
-        found = await find_lidar(AUTO, [f"serial://{tmp_path / 'port'}"])
+        found = await look(AUTO, [f"serial://{tmp_path / 'port'}"])
         assert found.settings == YdlidarSettings(address=f"serial://{tmp_path / 'port'}?baud={model.baud}")
         assert model.name in found.identity
         assert not emulator.device.streaming
@@ -68,20 +75,20 @@ async def test_a_ydlidar_is_found_at_its_speed(tmp_path, model):
 
 async def test_a_ydlidar_that_never_answers_is_told_by_its_packets(tmp_path):
     async with turning(YdlidarDevice(ydlidar.X2), tmp_path / "port"):
-        found = await find_lidar(AUTO, [f"serial://{tmp_path / 'port'}"])
+        found = await look(AUTO, [f"serial://{tmp_path / 'port'}"])
         assert found.settings == YdlidarSettings(address=f"serial://{tmp_path / 'port'}?baud=115200", model="x2")
 
 
 @pytest.mark.parametrize("way", ["tcp", "serial"])
 async def test_a_hokuyo_is_found_on_both_kinds_of_port(tmp_path, way):
-    emulator = ScipEmulator()
+    emulator = ScipEmulator(clock=clock())
     if way == "tcp":
         place = f"tcp://127.0.0.1:{await emulator.start_tcp()}"
     else:
         emulator.start_serial(tmp_path / "port")
         place = f"serial://{tmp_path / 'port'}?baud=115200"
     try:
-        found = await find_lidar(AUTO, [place])
+        found = await look(AUTO, [place])
         assert found.settings == HokuyoSettings(address=place)
         assert found.identity.startswith("UST-10LX")
         assert not emulator.streaming
@@ -92,16 +99,16 @@ async def test_a_hokuyo_is_found_on_both_kinds_of_port(tmp_path, way):
 async def test_what_the_settings_say_counts_for_the_lidar_that_is_found(tmp_path):
     said = AutoLidarSettings(yaw_rad=3.1, mounted_upside_down=True)
     async with turning(RplidarDevice(), tmp_path / "port"):
-        found = await find_lidar(said, [f"serial://{tmp_path / 'port'}"])
+        found = await look(said, [f"serial://{tmp_path / 'port'}"])
     assert (found.settings.yaw_rad, found.settings.mounted_upside_down) == (3.1, True)
     assert found.settings.degraded_after_s == RplidarSettings().degraded_after_s
 
 
 async def test_a_setting_that_the_lidar_cannot_have_is_refused():
-    emulator = ScipEmulator()
+    emulator = ScipEmulator(clock=clock())
     try:
         with pytest.raises(ProtocolError, match=r"UST-10LX.*lidar\.yaw_rad = 3\.1"):
-            await find_lidar(AutoLidarSettings(yaw_rad=3.1), [f"tcp://127.0.0.1:{await emulator.start_tcp()}"])
+            await look(AutoLidarSettings(yaw_rad=3.1), [f"tcp://127.0.0.1:{await emulator.start_tcp()}"])
     finally:
         emulator.close()
 
@@ -109,7 +116,7 @@ async def test_a_setting_that_the_lidar_cannot_have_is_refused():
 async def test_two_lidars_are_refused_and_both_named(tmp_path):
     async with turning(RplidarDevice(), tmp_path / "one"), turning(YdlidarDevice(), tmp_path / "two"):
         with pytest.raises(DriverError, match=r"two lidars answer: RPLIDAR.*one.*YDLIDAR.*two.*lidar\.address"):
-            await find_lidar(AUTO, [f"serial://{tmp_path / name}" for name in ("one", "two")])
+            await look(AUTO, [f"serial://{tmp_path / name}" for name in ("one", "two")])
 
 
 async def test_a_broken_lidar_beside_a_good_one_is_not_passed_over(tmp_path):
@@ -117,7 +124,7 @@ async def test_a_broken_lidar_beside_a_good_one_is_not_passed_over(tmp_path):
     device.fault = device.stays_broken = True
     async with turning(device, tmp_path / "one"), turning(YdlidarDevice(), tmp_path / "two"):
         with pytest.raises(DriverError, match="two lidars answer"):
-            await find_lidar(AUTO, [f"serial://{tmp_path / name}" for name in ("one", "two")])
+            await look(AUTO, [f"serial://{tmp_path / name}" for name in ("one", "two")])
 
 
 async def test_a_broken_lidar_is_named(tmp_path):
@@ -125,14 +132,14 @@ async def test_a_broken_lidar_is_named(tmp_path):
     device.fault = device.stays_broken = True
     async with turning(device, tmp_path / "port"):
         with pytest.raises(ProtocolError, match="fault that a reset does not clear"):
-            await find_lidar(AUTO, [f"serial://{tmp_path / 'port'}"])
+            await look(AUTO, [f"serial://{tmp_path / 'port'}"])
 
 
 async def test_silence_and_an_absent_port_are_no_lidar(tmp_path):
     async with turning(RplidarDevice(), tmp_path / "port") as emulator:
         emulator.silence = True
         with pytest.raises(LinkLost, match=r"no lidar found: .*port: nothing came.*gone.*no such device"):
-            await find_lidar(AUTO, [f"serial://{tmp_path / name}" for name in ("port", "gone")])
+            await look(AUTO, [f"serial://{tmp_path / name}" for name in ("port", "gone")])
 
 
 BABBLE = {
@@ -160,7 +167,7 @@ async def test_what_sends_something_else_is_no_lidar(tmp_path):
     await asyncio.sleep(0)
     try:
         with pytest.raises(LinkLost, match="no lidar found") as refused:
-            await find_lidar(AUTO, [f"serial://{tmp_path / name}" for name in BABBLE])
+            await look(AUTO, [f"serial://{tmp_path / name}" for name in BABBLE])
     finally:
         await end(*running)
     told = str(refused.value).split("; ")
@@ -169,11 +176,11 @@ async def test_what_sends_something_else_is_no_lidar(tmp_path):
 
 
 async def test_a_motor_controller_is_no_lidar(tmp_path):
-    device = VescEmulator(tmp_path / "port")
+    device = VescEmulator(tmp_path / "port", clock=clock())
     device.start()
     try:
         with pytest.raises(LinkLost, match="no lidar found"):
-            await find_lidar(AUTO, [f"serial://{tmp_path / 'port'}"])
+            await look(AUTO, [f"serial://{tmp_path / 'port'}"])
         assert not device.wire
     finally:
         device.close()

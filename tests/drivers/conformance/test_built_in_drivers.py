@@ -2,7 +2,6 @@
 
 import shutil
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from tests.drivers.conformance.emulated import Emulated
 from wallride.drivers.conformance import LidarConformance, MotorConformance
 from wallride.drivers.conformance.bench import room_m
+from wallride.drivers.conformance.port import now_s
 from wallride.drivers.hokuyo.driver import Hokuyo
 from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.drivers.rplidar.driver import Rplidar
@@ -38,7 +38,7 @@ def millimetres(bearing_rad, nothing):
 
 class ScipBench(Emulated):
     def __init__(self):
-        super().__init__(ScipEmulator(), Path(tempfile.mkdtemp()))
+        super().__init__(ScipEmulator(clock=now_s), Path(tempfile.mkdtemp()))
         self.due_s = 0.0
 
     async def start(self):
@@ -53,7 +53,7 @@ class ScipBench(Emulated):
         self.device.listen_again()
 
     def driver(self):
-        return Hokuyo(HokuyoSettings(address=f"tcp://127.0.0.1:{self.port}"))
+        return Hokuyo(HokuyoSettings(address=f"tcp://127.0.0.1:{self.port}"), clock=now_s)
 
     def step(self, now_s):
         if now_s >= self.due_s:
@@ -65,9 +65,9 @@ class ScipBench(Emulated):
 
 class TurningBench(Emulated):
     def __init__(self, device, driver, settings):
-        super().__init__(TurningEmulator(device), Path(tempfile.mkdtemp()))
+        super().__init__(TurningEmulator(device, clock=now_s), Path(tempfile.mkdtemp()))
         self.address = f"serial://{self.folder / 'lidar'}"
-        self.made = lambda: driver(settings(address=self.address))
+        self.made = lambda: driver(settings(address=self.address), clock=now_s)
 
     async def start(self):
         self.device.start_serial(self.folder / "lidar")
@@ -108,9 +108,9 @@ class TestYdlidar(LidarConformance):
 class VescBench:
     def __init__(self):
         self.folder = Path(tempfile.mkdtemp())
-        self.device = VescEmulator(self.folder / "vesc")
+        self.device = VescEmulator(self.folder / "vesc", clock=now_s)
         self.wiring = VescSettings()
-        self.way_m, self.stepped_s = 0.0, time.monotonic()
+        self.way_m, self.stepped_s = 0.0, now_s()
 
     @property
     def silence(self):
@@ -139,7 +139,7 @@ class VescBench:
         self.device.write(data)
 
     def driver(self):
-        return Vesc(VescSettings(address=f"serial://{self.folder / 'vesc'}"))
+        return Vesc(VescSettings(address=f"serial://{self.folder / 'vesc'}"), clock=now_s)
 
     def step(self, now_s):
         speed_mps = self.commanded[0] or 0.0

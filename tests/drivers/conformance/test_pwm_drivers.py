@@ -5,6 +5,7 @@ from pathlib import Path
 
 from tests.drivers.conformance.emulated import Emulated
 from wallride.drivers.conformance import MotorConformance
+from wallride.drivers.conformance.port import now_s
 from wallride.drivers.maestro.driver import Maestro
 from wallride.drivers.maestro.settings import MaestroSettings
 from wallride.drivers.pca9685.driver import Pca9685
@@ -38,7 +39,7 @@ class PwmBench:
 class Pca9685Bench(PwmBench):
     def __init__(self):
         super().__init__()
-        self.chip = Pca9685Chip(self.esc)
+        self.chip = Pca9685Chip(self.esc, clock=now_s)
 
     @property
     def silence(self):
@@ -70,13 +71,13 @@ class Pca9685Bench(PwmBench):
         """Nothing comes by itself on a bus whose master is the computer."""
 
     def driver(self):
-        return self.made_driver(Pca9685(Pca9685Settings(arming_s=ARMING_S), open_bus=self.chip.open))
+        return self.made_driver(Pca9685(Pca9685Settings(arming_s=ARMING_S), open_bus=self.chip.open, clock=now_s))
 
 
 class MaestroBench(Emulated, PwmBench):
     def __init__(self):
         PwmBench.__init__(self)
-        Emulated.__init__(self, MaestroEmulator(self.esc), Path(tempfile.mkdtemp()))
+        Emulated.__init__(self, MaestroEmulator(self.esc, clock=now_s), Path(tempfile.mkdtemp()))
 
     @property
     def commanded(self):
@@ -93,7 +94,7 @@ class MaestroBench(Emulated, PwmBench):
 
     def driver(self):
         address = f"serial://{self.folder / 'maestro'}"
-        return self.made_driver(Maestro(MaestroSettings(address=address, arming_s=ARMING_S)))
+        return self.made_driver(Maestro(MaestroSettings(address=address, arming_s=ARMING_S), clock=now_s))
 
 
 class TestPca9685(MotorConformance):

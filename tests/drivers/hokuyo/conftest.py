@@ -6,13 +6,16 @@ from typing import Any
 
 import pytest
 
-from tests.drivers.hokuyo.rig import MakeRig, Rig, stop
+from tests import wire_time
+from tests.drivers.hokuyo.rig import MakeRig, Rig, sensor, stop
 from wallride.sim.devices.scip import ScipEmulator
+
+pytest_asyncio_loop_factories = wire_time.chosen
 
 
 @pytest.fixture(params=["tcp", "serial"])
 async def rig(request: pytest.FixtureRequest, tmp_path: Path) -> AsyncIterator[Rig]:
-    emulator = ScipEmulator()
+    emulator = sensor()
     if request.param == "tcp":
         address = f"tcp://127.0.0.1:{await emulator.start_tcp()}"
     else:

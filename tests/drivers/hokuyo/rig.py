@@ -1,7 +1,6 @@
 """A sensor that turns and a driver that listens, for the tests of the driver."""
 
 import asyncio
-import time
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -12,18 +11,25 @@ from wallride.drivers.api import Health, LinkState, Scan
 from wallride.drivers.hokuyo.driver import Hokuyo
 from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.sim.devices.scip import ScipEmulator
+from wallride.sim.devices.scip_encode import UST_10LX, SensorModel
 
 LIMIT_S = 8.0
 Ranges = npt.NDArray[np.int_]
+
+
+def sensor(model: SensorModel = UST_10LX) -> ScipEmulator:
+    """Return a sensor by the clock of the loop."""
+    return ScipEmulator(model, clock=asyncio.get_running_loop().time)
 
 
 class Rig:
     """A sensor that turns, and a driver that listens; `scans` collects what came out."""
 
     def __init__(self, emulator: ScipEmulator, address: str, **settings: Any) -> None:
+        self.clock = asyncio.get_running_loop().time
         self.emulator = emulator
         emulator.sensor.ahead_ms = 16_777_100
-        self.driver = Hokuyo(HokuyoSettings(address=address, **settings))
+        self.driver = Hokuyo(HokuyoSettings(address=address, **settings), clock=self.clock)
         self.scans: list[Scan] = []
         self.stamp_ms = 16_777_100
         self.task = asyncio.create_task(self.driver.run(self.scans.append))
@@ -51,7 +57,7 @@ class Rig:
 
     def turn(self, ranges_mm: Ranges | None = None) -> float | None:
         """Publish one revolution 5 ms after the last; the stamp follows our clock, as a sensor's does."""
-        self.stamp_ms = 16_777_100 + round(time.monotonic() * 1000)
+        self.stamp_ms = 16_777_100 + round(self.clock() * 1000)
         count = self.emulator.sensor.model.beam_count
         return self.emulator.publish(np.full(count, 1234) if ranges_mm is None else ranges_mm, self.stamp_ms)
 

@@ -1,7 +1,6 @@
 """The driver against the emulated sensor: scans, checksums, clocks; over TCP and a pseudo-terminal in one loop."""
 
 import asyncio
-import time
 from dataclasses import replace
 from typing import Any
 
@@ -9,14 +8,12 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from tests.drivers.hokuyo.rig import LIMIT_S, MakeRig, Rig, stop
-from tests.promises import promise
+from tests.drivers.hokuyo.rig import LIMIT_S, MakeRig, Rig, sensor, stop
 from wallride.drivers.address import TcpAddress
 from wallride.drivers.api import LinkState, Scan
 from wallride.drivers.hokuyo.conversation import Conversation
 from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.drivers.link import open_link
-from wallride.sim.devices.scip import ScipEmulator
 from wallride.sim.devices.scip_encode import UST_10LX
 
 
@@ -82,8 +79,8 @@ async def test_after_a_stall_only_the_fresh_scans_of_the_burst_are_used(rig: Rig
     await rig.ready()
     await rig.scan()
     rig.emulator.stall()
-    published, until_s = 0, time.monotonic() + 0.2  # by the clock: at 0.3 s the driver would give the stream up
-    while time.monotonic() < until_s:
+    published, until_s = 0, rig.clock() + 0.2  # by the clock: at 0.3 s the driver would give the stream up
+    while rig.clock() < until_s:
         rig.turn()
         published += 1
         await asyncio.sleep(0.005)
@@ -109,13 +106,13 @@ async def test_cancelling_while_the_sensor_does_not_answer_takes_no_time(rig: Ri
     await rig.ready()
     await rig.scan()
     rig.emulator.silence = True
-    begun_s = time.monotonic()
+    begun_s = rig.clock()
     await stop(rig)
-    promise("cancelling", time.monotonic() - begun_s, 0.5)
+    assert rig.clock() - begun_s < 0.5
 
 
 async def test_an_error_in_the_callback_comes_out_of_run(tcp: MakeRig) -> None:
-    rig = await tcp(ScipEmulator())
+    rig = await tcp(sensor())
     await rig.ready()
     await stop(rig)
 
@@ -129,7 +126,7 @@ async def test_an_error_in_the_callback_comes_out_of_run(tcp: MakeRig) -> None:
 
 async def test_a_sensor_that_hangs_upside_down_has_left_on_the_left(tcp: MakeRig) -> None:
     model = replace(UST_10LX, first_step=100)
-    emulator = ScipEmulator(model)
+    emulator = sensor(model)
     rig = await tcp(emulator, mounted_upside_down=True)
     await rig.ready()
     scan = await rig.scan(np.arange(981) + 1000)
@@ -140,19 +137,19 @@ async def test_a_sensor_that_hangs_upside_down_has_left_on_the_left(tcp: MakeRig
 
 
 async def test_a_turned_sensor_gives_bearings_of_the_car(tcp: MakeRig) -> None:
-    rig = await tcp(ScipEmulator(), yaw_rad=0.1)
+    rig = await tcp(sensor(), yaw_rad=0.1)
     await rig.ready()
     scan = await rig.scan()
     assert scan.angle_min_rad == pytest.approx(np.deg2rad(-135) + 0.1)
 
 
 async def test_a_clock_that_jumps_in_a_running_stream_is_believed_in_the_end(tcp: MakeRig) -> None:
-    rig = await tcp(ScipEmulator(), silent_after_s=5.0)
+    rig = await tcp(sensor(), silent_after_s=5.0)
     await rig.ready()
     await rig.scan()
 
     def jumped() -> bool:
-        rig.emulator.publish(np.full(1081, 2000), round(time.monotonic() * 1000) + 5_000_000)
+        rig.emulator.publish(np.full(1081, 2000), round(rig.clock() * 1000) + 5_000_000)
         return rig.counts.get("clock_reset", 0) == 1
 
     await rig.until(jumped)
@@ -162,39 +159,39 @@ async def test_a_clock_that_jumps_in_a_running_stream_is_believed_in_the_end(tcp
 
 
 async def test_a_sensor_that_restarted_its_clock_is_believed_at_once_after_a_reconnect(tcp: MakeRig) -> None:
-    rig = await tcp(ScipEmulator())
+    rig = await tcp(sensor())
     await rig.ready()
     await rig.scan()
     rig.emulator.disconnect()
     await rig.until(lambda: rig.counts.get("reconnect", 0) == 1)
     await rig.ready()
-    begun_s = time.monotonic()
+    begun_s = rig.clock()
     for _ in range(3):
-        rig.emulator.publish(np.full(1081, 2000), 17 + round((time.monotonic() - begun_s) * 1000))
+        rig.emulator.publish(np.full(1081, 2000), 17 + round((rig.clock() - begun_s) * 1000))
         await asyncio.sleep(0.025)
     await rig.until(lambda: len(rig.scans) == 2)
     assert rig.counts == {"reconnect": 1, "settling": 2}
 
 
 async def test_a_stream_that_stays_late_is_restarted(tcp: MakeRig) -> None:
-    rig = await tcp(ScipEmulator())
+    rig = await tcp(sensor())
     await rig.ready()
     await rig.scan()
 
     def turned_late() -> bool:
-        rig.emulator.publish(np.full(1081, 2000), rig.stamp_ms + round(time.monotonic() * 1000) - begun_ms - 200)
+        rig.emulator.publish(np.full(1081, 2000), rig.stamp_ms + round(rig.clock() * 1000) - begun_ms - 200)
         return rig.counts.get("restart", 0) == 1
 
-    begun_ms = round(time.monotonic() * 1000)
-    await rig.until(lambda: time.monotonic() * 1000 - begun_ms > 205)
+    begun_ms = round(rig.clock() * 1000)
+    await rig.until(lambda: rig.clock() * 1000 - begun_ms > 205)
     await rig.until(turned_late)
     assert rig.counts["stale"] > 10
     await rig.lost_and_found()
 
 
 async def test_an_answer_is_found_among_the_scans_of_a_running_stream() -> None:
-    emulator = ScipEmulator()
-    link = await open_link(TcpAddress("127.0.0.1", await emulator.start_tcp()), time.monotonic)
+    emulator = sensor()
+    link = await open_link(TcpAddress("127.0.0.1", await emulator.start_tcp()), asyncio.get_running_loop().time)
     counted: list[str] = []
     talk = Conversation(link, counted.append)
     await talk.ask(b"MD0000108000000\n")

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.drivers.hokuyo.rig import LIMIT_S, MakeRig, Rig, stop
+from tests.drivers.hokuyo.rig import LIMIT_S, MakeRig, Rig, sensor, stop
 from wallride.drivers import lidar
 from wallride.drivers.address import SerialAddress
 from wallride.drivers.api import Clock, LinkState
 from wallride.drivers.link import ByteLink, open_link
-from wallride.sim.devices.scip import ScipEmulator
 from wallride.sim.devices.scip_encode import URG_04LX, UTM_30LX
 
 
@@ -39,7 +38,7 @@ async def test_a_sensor_that_does_not_answer_is_reconnected_for_as_long_as_it_ta
 async def test_every_dropped_connection_is_opened_again_at_once(tcp: MakeRig, monkeypatch: pytest.MonkeyPatch) -> None:
     """After a second attempt without a scan between it would wait longer than the test's patience."""
     monkeypatch.setattr(lidar, "RETRY_DELAYS_S", (0.05, 10 * LIMIT_S))
-    rig = await tcp(ScipEmulator())
+    rig = await tcp(sensor())
     await rig.ready()
     await rig.scan()
     for losses in range(1, 4):
@@ -52,7 +51,7 @@ async def test_every_dropped_connection_is_opened_again_at_once(tcp: MakeRig, mo
 
 
 async def test_a_refused_connection_is_tried_until_it_succeeds(tcp: MakeRig) -> None:
-    emulator = ScipEmulator()
+    emulator = sensor()
     rig = await tcp(emulator)
     await rig.ready()
     emulator.refuse()
@@ -65,7 +64,7 @@ async def test_a_refused_connection_is_tried_until_it_succeeds(tcp: MakeRig) -> 
 
 
 async def test_an_unplugged_cable_comes_back_under_the_same_name(tmp_path: Path) -> None:
-    emulator = ScipEmulator(URG_04LX)
+    emulator = sensor(URG_04LX)
     emulator.start_serial(tmp_path / "lidar")
     rig = Rig(emulator, f"serial://{tmp_path / 'lidar'}?baud=115200")
     await rig.ready()
@@ -81,7 +80,7 @@ async def test_an_unplugged_cable_comes_back_under_the_same_name(tmp_path: Path)
 
 
 async def test_the_speed_of_a_serial_sensor_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    emulator = ScipEmulator(URG_04LX)
+    emulator = sensor(URG_04LX)
     emulator.baud = 19200
     emulator.start_serial(tmp_path / "lidar")
     rig = Rig(emulator, f"serial://{tmp_path / 'lidar'}")
@@ -104,7 +103,7 @@ async def test_the_speed_of_a_serial_sensor_is_found(tmp_path: Path, monkeypatch
 
 
 async def test_the_parameters_are_read_again_after_a_reconnect(tcp: MakeRig) -> None:
-    emulator = ScipEmulator()
+    emulator = sensor()
     rig = await tcp(emulator)
     await rig.ready()
     assert (await rig.scan()).range_max_m == 30.0
@@ -131,7 +130,7 @@ async def test_without_the_sensors_time_only_the_third_fresh_scan_of_a_restarted
 
 
 async def test_a_sensor_left_streaming_by_a_killed_program_is_taken_over(tmp_path: Path) -> None:
-    emulator = ScipEmulator()
+    emulator = sensor()
     emulator.start_serial(tmp_path / "lidar")
     emulator.sensor.answer(b"MD0000108000000")
     rig = Rig(emulator, f"serial://{tmp_path / 'lidar'}")
@@ -143,7 +142,7 @@ async def test_a_sensor_left_streaming_by_a_killed_program_is_taken_over(tmp_pat
 
 @pytest.mark.parametrize("attribute", ["scip1", "in_time_sync"])
 async def test_a_sensor_in_the_wrong_mode_is_brought_back(tcp: MakeRig, attribute: str) -> None:
-    emulator = ScipEmulator(URG_04LX)
+    emulator = sensor(URG_04LX)
     rig = await tcp(emulator)
     await rig.until(lambda: emulator.connected)
     setattr(emulator.sensor, attribute, True)

@@ -6,9 +6,8 @@ from typing import Any
 
 import pytest
 
-from tests.drivers.hokuyo.rig import MakeRig
+from tests.drivers.hokuyo.rig import MakeRig, sensor
 from wallride.drivers.api import LinkState
-from wallride.sim.devices.scip import ScipEmulator
 from wallride.sim.devices.scip_encode import UST_10LX
 
 
@@ -26,7 +25,7 @@ from wallride.sim.devices.scip_encode import UST_10LX
 async def test_a_sensor_that_no_car_can_be_driven_by_is_refused_with_the_reason(
     tcp: MakeRig, changes: dict[str, Any], words: str
 ) -> None:
-    rig = await tcp(ScipEmulator(replace(UST_10LX, **changes)))
+    rig = await tcp(sensor(replace(UST_10LX, **changes)))
     await rig.until(lambda: rig.link() is LinkState.FAULTY)
     assert words in rig.health.message
     assert not rig.emulator.streaming
@@ -44,12 +43,12 @@ async def test_a_sensor_that_no_car_can_be_driven_by_is_refused_with_the_reason(
     ],
 )
 async def test_a_sensor_that_is_just_good_enough_is_taken(tcp: MakeRig, changes: dict[str, Any]) -> None:
-    rig = await tcp(ScipEmulator(replace(UST_10LX, **changes)))
+    rig = await tcp(sensor(replace(UST_10LX, **changes)))
     await rig.until(lambda: rig.link() is LinkState.READY, turning=True)
 
 
 async def test_an_unstable_sensor_keeps_its_stream_and_says_so(tcp: MakeRig) -> None:
-    rig = await tcp(ScipEmulator())
+    rig = await tcp(sensor())
     await rig.ready()
     await rig.scan()
     for _ in range(100):
@@ -64,7 +63,7 @@ async def test_an_unstable_sensor_keeps_its_stream_and_says_so(tcp: MakeRig) -> 
 
 
 async def test_a_sensor_in_trouble_is_reset(tcp: MakeRig) -> None:
-    rig = await tcp(ScipEmulator())
+    rig = await tcp(sensor())
     await rig.ready()
     await rig.scan()
     rig.emulator.sensor.fault = "0L"
@@ -77,7 +76,7 @@ async def test_a_sensor_in_trouble_is_reset(tcp: MakeRig) -> None:
 
 
 async def test_a_sensor_that_a_reset_does_not_cure_is_rebooted_once(tcp: MakeRig) -> None:
-    emulator = ScipEmulator()
+    emulator = sensor()
     emulator.sensor.fault = "50"
     emulator.sensor.cured_by = frozenset({"RB"})
     rig = await tcp(emulator)
@@ -87,7 +86,7 @@ async def test_a_sensor_that_a_reset_does_not_cure_is_rebooted_once(tcp: MakeRig
 
 
 async def test_a_sensor_that_nothing_cures_is_rebooted_once_in_20_s_and_a_human_is_called(tcp: MakeRig) -> None:
-    emulator = ScipEmulator()
+    emulator = sensor()
     emulator.sensor.fault = "50"
     emulator.sensor.cured_by = frozenset()
     rig = await tcp(emulator)
@@ -98,7 +97,7 @@ async def test_a_sensor_that_nothing_cures_is_rebooted_once_in_20_s_and_a_human_
 
 
 async def test_what_a_sensor_says_against_itself_is_passed_on(tcp: MakeRig) -> None:
-    emulator = ScipEmulator()
+    emulator = sensor()
     emulator.sensor.state_text = "Trouble!! Error No. =[12]"
     rig = await tcp(emulator)
     await rig.ready()
@@ -111,7 +110,7 @@ async def test_what_a_sensor_says_against_itself_is_passed_on(tcp: MakeRig) -> N
 async def test_a_sensor_that_does_not_tell_what_is_for_people_is_driven_by_and_said(
     tcp: MakeRig, attribute: str, line: str, words: str
 ) -> None:
-    emulator = ScipEmulator()
+    emulator = sensor()
     setattr(emulator.sensor, attribute, frozenset({line}))
     rig = await tcp(emulator)
     await rig.until(lambda: emulator.streaming)

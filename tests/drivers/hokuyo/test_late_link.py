@@ -1,21 +1,19 @@
 """Sensors behind a link that is late, and sensors that do not tell their time, or other things that are for comfort."""
 
 import asyncio
-import time
 
 import pytest
 
-from tests.drivers.hokuyo.rig import MakeRig, Rig
+from tests.drivers.hokuyo.rig import MakeRig, Rig, sensor
 from wallride.drivers.api import LinkState
-from wallride.sim.devices.scip import ScipEmulator
 from wallride.sim.devices.scip_encode import UST_10LX
 
 TIMELESS = "; it does not tell its time (TM): its scans count as "
 
 
 async def turn_for(rig: Rig, seconds: float) -> None:
-    until_s = time.monotonic() + seconds
-    while time.monotonic() < until_s:
+    until_s = rig.clock() + seconds
+    while rig.clock() < until_s:
         rig.turn()
         await asyncio.sleep(0.02)
 
@@ -24,7 +22,7 @@ async def turn_for(rig: Rig, seconds: float) -> None:
 async def test_a_link_that_is_late_from_the_first_byte_delivers_no_scan_and_says_so(
     tcp: MakeRig, refused: set[str]
 ) -> None:
-    emulator = ScipEmulator()
+    emulator = sensor()
     emulator.late_s, emulator.sensor.refused = 0.2, frozenset(refused)
     rig = await tcp(emulator, silent_after_s=0.5)
     await rig.ready()
@@ -36,7 +34,7 @@ async def test_a_link_that_is_late_from_the_first_byte_delivers_no_scan_and_says
 
 
 async def test_a_link_that_is_a_little_late_delivers_scans_as_old_as_they_are(tcp: MakeRig) -> None:
-    emulator = ScipEmulator()
+    emulator = sensor()
     emulator.late_s = 0.07
     rig = await tcp(emulator, stale_after_s=0.5)
     await rig.ready()
@@ -74,7 +72,7 @@ UST_10LX_SUMMARY = f"{UST_10LX.model}, 1081 beams, 40 Hz"
 async def test_a_sensor_that_does_not_tell_its_time_is_driven_by_all_the_same(
     tcp: MakeRig, attribute: str, commands: set[str]
 ) -> None:
-    emulator = ScipEmulator()
+    emulator = sensor()
     setattr(emulator.sensor, attribute, frozenset(commands))
     rig = await tcp(emulator)
     await rig.ready()
@@ -85,7 +83,7 @@ async def test_a_sensor_that_does_not_tell_its_time_is_driven_by_all_the_same(
 
 
 async def test_a_sensor_that_did_not_tell_its_time_once_is_not_asked_again(tcp: MakeRig) -> None:
-    emulator = ScipEmulator()
+    emulator = sensor()
     emulator.sensor.unanswered = frozenset({"TM0"})
     rig = await tcp(emulator)
     await rig.ready()
@@ -96,7 +94,7 @@ async def test_a_sensor_that_did_not_tell_its_time_once_is_not_asked_again(tcp: 
 
 
 async def test_a_sensor_that_stamps_with_another_clock_than_it_tells_is_driven_by_all_the_same(tcp: MakeRig) -> None:
-    rig = await tcp(ScipEmulator())
+    rig = await tcp(sensor())
     await rig.ready()
     await rig.scan()
     rig.emulator.disconnect()

@@ -1,7 +1,6 @@
 """Maestro: golden bytes, its serial timeout, and every loss of it stops the car with its reason."""
 
 import asyncio
-import time
 
 import pytest
 
@@ -29,10 +28,11 @@ def test_other_bytes_are_no_answer(answer):
 
 class Rig:
     def __init__(self, folder, **board):
+        self.clock = asyncio.get_running_loop().time
         self.esc = EmulatedEsc(EscModel(armed_after_s=0.1))
-        self.board = MaestroEmulator(self.esc, **board)
+        self.board = MaestroEmulator(self.esc, clock=self.clock, **board)
         self.board.start_serial(folder / "maestro")
-        self.driver = Maestro(MaestroSettings(address=f"serial://{folder / 'maestro'}", arming_s=0.2))
+        self.driver = Maestro(MaestroSettings(address=f"serial://{folder / 'maestro'}", arming_s=0.2), clock=self.clock)
         self.task = asyncio.create_task(self.driver.run())
 
     async def until(self, done):
@@ -42,9 +42,9 @@ class Rig:
 
     async def driving(self, speed_mps=1.0, duration_s=0.7):
         await self.until(lambda: self.driver.health.link is LinkState.READY)
-        end_s = time.monotonic() + duration_s
-        while time.monotonic() < end_s:
-            self.driver.learn(EstimatedSpeed(time.monotonic(), self.esc.speed_mps or 0.0, 0.05))
+        end_s = self.clock() + duration_s
+        while self.clock() < end_s:
+            self.driver.learn(EstimatedSpeed(self.clock(), self.esc.speed_mps or 0.0, 0.05))
             self.driver.send(Drive(speed_mps, 0.1))
             await asyncio.sleep(0.01)
 
@@ -64,15 +64,15 @@ async def test_its_timeout_is_found_and_stops_a_car_that_nothing_commands(rig):
     await rig.driving()
     assert rig.driver.max_speed_mps == MaestroSettings().max_speed_mps
     assert rig.esc.speed_mps is not None
-    await rig.until(lambda: rig.board.demand(time.monotonic()).kind == "coast")
+    await rig.until(lambda: rig.board.demand(rig.clock()).kind == "coast")
     await rig.until(lambda: rig.driver.state.timed_out)
 
 
 async def test_questions_do_not_feed_the_timeout(rig):
     await rig.driving()
-    silent_s = time.monotonic()
-    await rig.until(lambda: rig.board.demand(time.monotonic()).kind == "coast")
-    assert time.monotonic() - silent_s < 1.5 * rig.board.timeout_s
+    silent_s = rig.clock()
+    await rig.until(lambda: rig.board.demand(rig.clock()).kind == "coast")
+    assert rig.clock() - silent_s < 1.5 * rig.board.timeout_s
 
 
 async def test_without_a_timeout_it_is_slow_and_says_so(tmp_path):
@@ -105,10 +105,10 @@ async def test_a_brown_out_is_noticed_while_it_drives(rig):
 async def test_silence_ends_the_connection_while_it_drives(rig):
     await rig.driving()
     rig.board.silence = True
-    began_s = time.monotonic()
+    began_s = rig.clock()
     while rig.driver.send(Drive(1.0, 0.1)):
         await asyncio.sleep(0.01)
-    assert time.monotonic() - began_s < 0.6
+    assert rig.clock() - began_s < 0.6
 
 
 @pytest.mark.parametrize(("held_us", "words"), [(1234.0, "is at 1234 us"), (None, "no answer of a Maestro")])

@@ -36,9 +36,10 @@ def test_neighbours_are_written_at_once_and_others_throttle_first():
 
 class Rig:
     def __init__(self, **settings):
+        clock = asyncio.get_running_loop().time
         self.esc = EmulatedEsc(EscModel(armed_after_s=0.1))
-        self.chip = Pca9685Chip(self.esc)
-        self.driver = Pca9685(SETTINGS.model_copy(update=settings), open_bus=self.chip.open)
+        self.chip = Pca9685Chip(self.esc, clock=clock)
+        self.driver = Pca9685(SETTINGS.model_copy(update=settings), open_bus=self.chip.open, clock=clock)
 
     async def until(self, done):
         async with asyncio.timeout(6.0):

@@ -6,8 +6,11 @@ from typing import Any
 
 import pytest
 
+from tests import wire_time
 from tests.drivers.turning.rig import MakeRig, Rig, stop
 from wallride.sim.devices.turning import TurningEmulator
+
+pytest_asyncio_loop_factories = wire_time.chosen
 
 
 @pytest.fixture

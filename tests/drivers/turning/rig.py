@@ -1,7 +1,6 @@
 """A head that turns in a room and a driver that listens, for the tests of the drivers of turning lidars."""
 
 import asyncio
-import time
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -47,6 +46,7 @@ class Rig:
     """An emulated sensor that turns, and a driver that listens; `scans` collects what came out."""
 
     def __init__(self, emulator: TurningEmulator, address: str, **settings: Any) -> None:
+        self.clock = asyncio.get_running_loop().time
         self.emulator = emulator
         self.driver = driver_for(emulator, address, **settings)
         self.scans: list[Scan] = []
@@ -69,7 +69,7 @@ class Rig:
             while not condition():
                 if self.task.done():
                     self.task.result()
-                self.emulator.advance(time.monotonic(), room_mm)
+                self.emulator.advance(self.clock(), room_mm)
                 await asyncio.sleep(0.004)
 
     async def more_scans(self, number: int = 3) -> list[Scan]:
@@ -79,20 +79,21 @@ class Rig:
         return self.scans[before:]
 
     async def run_for(self, duration_s: float) -> None:
-        end_s = time.monotonic() + duration_s
-        await self.until(lambda: time.monotonic() >= end_s)
+        end_s = self.clock() + duration_s
+        await self.until(lambda: self.clock() >= end_s)
 
 
 def driver_for(emulator: TurningEmulator, address: str, **settings: Any) -> TurningLidar:
     """Return the driver that an emulated sensor needs."""
     settings = {"silent_after_s": 0.5, **settings}
     motion: AskMotion = settings.pop("motion", standing)
+    clock = asyncio.get_running_loop().time
     if isinstance(emulator.device, YdlidarDevice):
         model = emulator.device.model
         named = {"model": "x2"} if model.one_way else {}
-        return Ydlidar(YdlidarSettings(address=address, **named, **settings), motion=motion)
+        return Ydlidar(YdlidarSettings(address=address, **named, **settings), clock=clock, motion=motion)
     assert isinstance(emulator.device, RplidarDevice)
-    return Rplidar(RplidarSettings(address=address, **settings), motion=motion)
+    return Rplidar(RplidarSettings(address=address, **settings), clock=clock, motion=motion)
 
 
 MakeRig = Callable[..., Awaitable[Rig]]

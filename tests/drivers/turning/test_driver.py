@@ -1,7 +1,6 @@
 """The drivers of turning lidars against emulated sensors: up, through losses and faults, and down again."""
 
 import asyncio
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -30,7 +29,11 @@ TWO = ["a1", "x4"]
 
 
 def sensor(name: str) -> TurningEmulator:
-    return TurningEmulator(SENSORS[name]())
+    return emulated(SENSORS[name]())
+
+
+def emulated(device: RplidarDevice | YdlidarDevice) -> TurningEmulator:
+    return TurningEmulator(device, clock=asyncio.get_running_loop().time)
 
 
 def bearings_rad(scan: Scan) -> np.ndarray:
@@ -48,7 +51,7 @@ def assert_true(scan: Scan) -> None:
 @pytest.mark.parametrize("name", SENSORS)
 async def test_every_sensor_is_found_at_its_speed_and_shows_the_room(plugged, name):
     device = SENSORS[name]()
-    emulator = TurningEmulator(device)
+    emulator = emulated(device)
     emulator.baud = device.model.baud
     rig: Rig = await plugged(emulator)
     scans = await rig.more_scans(6)
@@ -74,8 +77,8 @@ async def test_it_is_left_quiet(plugged, name):
     rig: Rig = await plugged(sensor(name))
     await rig.more_scans()
     rig.task.cancel()
-    end_s = time.monotonic() + 1.0
-    while rig.emulator.device.streaming and time.monotonic() < end_s:
+    end_s = rig.clock() + 1.0
+    while rig.emulator.device.streaming and rig.clock() < end_s:
         await asyncio.sleep(0.005)
     assert not rig.emulator.device.streaming
     await stop(rig)
@@ -163,7 +166,7 @@ async def test_a_burst_after_a_stall_gives_no_old_scan(plugged, name):
     await rig.run_for(0.6)
     before = len(rig.scans)
     rig.emulator.release()
-    released_s = time.monotonic()
+    released_s = rig.clock()
     await rig.more_scans(4)
     for scan in rig.scans[before:]:
         assert scan.stamp_s > released_s - 0.3
@@ -183,7 +186,7 @@ async def test_a_fault_is_reset_once_and_then_named(plugged, name):
 async def test_a_fault_that_stays_is_said(plugged):
     device = RplidarDevice()
     device.fault = device.stays_broken = True
-    rig: Rig = await plugged(TurningEmulator(device))
+    rig: Rig = await plugged(emulated(device))
     await rig.until(lambda: rig.link() is LinkState.FAULTY)
     assert "reset does not clear" in rig.health.message
 
@@ -199,9 +202,9 @@ async def test_a_sensor_that_refuses_to_measure_is_said(plugged, name):
 
 
 async def test_the_other_maker_on_the_port_is_named(plugged, tmp_path):
-    other = TurningEmulator(YdlidarDevice(ydlidar.X2))
+    other = emulated(YdlidarDevice(ydlidar.X2))
     other.start_serial(tmp_path / "other")
-    rig = Rig(TurningEmulator(RplidarDevice()), f"serial://{tmp_path / 'other'}")
+    rig = Rig(emulated(RplidarDevice()), f"serial://{tmp_path / 'other'}")
     rig.emulator = other
     await rig.until(lambda: "YDLIDAR" in rig.health.message)
     assert rig.link() is LinkState.ABSENT
@@ -212,7 +215,7 @@ async def test_the_other_maker_on_the_port_is_named(plugged, tmp_path):
 async def test_conditions_that_are_not_told_do_not_keep_it_from_measuring(plugged):
     device = YdlidarDevice()
     device.unanswered = frozenset({0x91, 0x92})
-    rig: Rig = await plugged(TurningEmulator(device))
+    rig: Rig = await plugged(emulated(device))
     await rig.more_scans()
     assert rig.counts["no condition told"] == 1
 

@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from wallride.drivers.api import Drive, LinkState, MotorState
 from wallride.drivers.vesc import codec
@@ -17,6 +18,11 @@ BRAKE = codec.set_brake_current(VescSettings().brake_current_a)
 CENTRE = codec.set_servo(0.5304)
 
 
+def controller(folder: Path, **settings: Any) -> VescEmulator:
+    """Return an emulated controller by the clock of the loop."""
+    return VescEmulator(folder / "vesc", clock=asyncio.get_running_loop().time, **settings)
+
+
 async def until(met: Callable[[], object]) -> None:
     async with asyncio.timeout(PATIENCE_S):
         while not met():
@@ -25,7 +31,10 @@ async def until(met: Callable[[], object]) -> None:
 
 def vesc_at(path: Path, **changes: float) -> Vesc:
     """A driver that is patient with a busy machine, unless told otherwise."""
-    return Vesc(VescSettings.model_validate({"address": f"serial://{path}", "lost_after_s": 2.0, **changes}))
+    return Vesc(
+        VescSettings.model_validate({"address": f"serial://{path}", "lost_after_s": 2.0, **changes}),
+        clock=asyncio.get_running_loop().time,
+    )
 
 
 @asynccontextmanager

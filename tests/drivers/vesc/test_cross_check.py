@@ -2,7 +2,6 @@
 
 import asyncio
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -174,14 +173,6 @@ def test_a_reboot_while_driving_is_no_contradiction(car):
         car.condition.update(values, car.now_s + 0.02 * (poll + 1), 0.0)
     assert car.condition.fault == ""
     assert car.health.counts == {"reboot": 1}
-
-
-@pytest.fixture
-async def emulator(tmp_path: Path):
-    emulator = VescEmulator(tmp_path / "vesc")
-    emulator.start()
-    yield emulator
-    emulator.close()
 
 
 async def turning(vesc: Vesc, emulator: VescEmulator, wish_mps: float, met) -> None:

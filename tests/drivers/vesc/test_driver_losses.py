@@ -2,18 +2,28 @@
 
 import asyncio
 import os
-import time
 import tty
 from pathlib import Path
 
 import pytest
 
-from tests.drivers.vesc.rig import BRAKE, CENTRE, PATIENCE_S, commands, ready, running, seen, sent, until, vesc_at
+from tests.drivers.vesc.rig import (
+    BRAKE,
+    CENTRE,
+    PATIENCE_S,
+    commands,
+    controller,
+    ready,
+    running,
+    seen,
+    sent,
+    until,
+    vesc_at,
+)
 from wallride.drivers.api import Drive, LinkState
 from wallride.drivers.vesc import codec, driver
 from wallride.drivers.vesc.codec import Packet, frame
 from wallride.drivers.vesc.condition import VescMonitor
-from wallride.sim.devices.vesc import VescEmulator
 
 
 async def test_the_distance_survives_a_reboot_and_a_lost_link(emulator):
@@ -32,7 +42,7 @@ async def test_the_distance_survives_a_reboot_and_a_lost_link(emulator):
 
 
 async def test_polling_does_not_keep_the_motor_alive(tmp_path):
-    emulator = VescEmulator(tmp_path / "vesc", timeout_s=0.15, timeout_brake_a=8.0)
+    emulator = controller(tmp_path, timeout_s=0.15, timeout_brake_a=8.0)
     emulator.start()
     async with ready(emulator) as vesc:
         vesc.send(Drive(1.0, 0.0))
@@ -192,7 +202,7 @@ async def test_unasked_text_and_useless_replies_are_counted_and_passed_over(emul
 async def test_the_last_brake_needs_no_loop_and_no_living_controller(emulator):
     async with ready(emulator) as vesc:
         vesc.send(Drive(1.0, 0.0))
-        await until(lambda: emulator.demand(time.monotonic()).kind == "speed")
+        await until(lambda: emulator.demand(asyncio.get_running_loop().time()).kind == "speed")
         await asyncio.to_thread(vesc.brake_now)  # a thread without a loop, as a process whose loop has ended
         await until(lambda: commands(emulator)[-1] == BRAKE)
         emulator.close()

@@ -14,7 +14,7 @@ from wallride.sim.devices.maestro import MaestroEmulator
 
 
 async def looked_at(tmp_path, prepare=lambda _board: None, **board):
-    emulator = MaestroEmulator(EmulatedEsc(), **board)
+    emulator = MaestroEmulator(EmulatedEsc(), clock=asyncio.get_running_loop().time, **board)
     emulator.start_serial(tmp_path / "maestro")
     prepare(emulator)
     try:

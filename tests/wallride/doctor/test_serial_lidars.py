@@ -1,7 +1,6 @@
 """Problems planted in emulated RPLIDAR and YDLIDAR lidars: the doctor finds each, and names the remedy."""
 
 import asyncio
-import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -26,6 +25,10 @@ from wallride.sim.devices.turning import TurningEmulator
 from wallride.sim.devices.ydlidar import X2, YdlidarDevice
 
 
+def emulated(device: RplidarDevice | YdlidarDevice) -> TurningEmulator:
+    return TurningEmulator(device, clock=asyncio.get_running_loop().time)
+
+
 @asynccontextmanager
 async def turning(emulator: TurningEmulator, path: Path) -> AsyncIterator[None]:
     """An emulated lidar on a serial port."""
@@ -33,7 +36,7 @@ async def turning(emulator: TurningEmulator, path: Path) -> AsyncIterator[None]:
 
     async def turn() -> None:
         while True:
-            emulator.advance(time.monotonic(), room_mm)
+            emulator.advance(asyncio.get_running_loop().time(), room_mm)
             await asyncio.sleep(0.004)
 
     running = asyncio.create_task(turn())
@@ -59,14 +62,14 @@ async def test_a_healthy_lidar_is_ok(tmp_path, maker):
     path = tmp_path / "lidar"
     device = RplidarDevice() if maker == "rplidar" else YdlidarDevice()
     chosen = rplidar(path) if maker == "rplidar" else YdlidarSettings(address=f"serial://{path}")
-    told = await found(TurningEmulator(device), chosen, path)
+    told = await found(emulated(device), chosen, path)
     assert {one.level for one in told.values()} == {Level.OK}
     assert "LIDAR" in told["lidar"].words
     assert not device.streaming
 
 
 async def test_a_ydlidar_on_the_port_of_an_rplidar_is_named(tmp_path):
-    told = await found(TurningEmulator(YdlidarDevice(X2)), rplidar(tmp_path / "lidar"), tmp_path / "lidar")
+    told = await found(emulated(YdlidarDevice(X2)), rplidar(tmp_path / "lidar"), tmp_path / "lidar")
     assert told["lidar"].level is Level.FAIL
     assert 'lidar.driver = "ydlidar"' in told["lidar"].remedy
 
@@ -74,13 +77,13 @@ async def test_a_ydlidar_on_the_port_of_an_rplidar_is_named(tmp_path):
 async def test_a_motor_that_takes_too_much_is_named(tmp_path):
     device = RplidarDevice()
     device.refuses = True
-    told = await found(TurningEmulator(device), rplidar(tmp_path / "lidar"), tmp_path / "lidar")
+    told = await found(emulated(device), rplidar(tmp_path / "lidar"), tmp_path / "lidar")
     assert told["lidar"].level is Level.FAIL
     assert "hub with a supply" in told["lidar"].remedy
 
 
 async def test_silence_is_a_matter_of_supply_and_speed(tmp_path):
-    emulator = TurningEmulator(RplidarDevice())
+    emulator = emulated(RplidarDevice())
     emulator.silence = True
     told = await found(emulator, rplidar(tmp_path / "lidar"), tmp_path / "lidar")
     assert told["lidar"].level is Level.FAIL
@@ -90,7 +93,7 @@ async def test_silence_is_a_matter_of_supply_and_speed(tmp_path):
 async def test_an_error_that_was_reset_is_told(tmp_path):
     device = RplidarDevice()
     device.fault = True
-    told = await found(TurningEmulator(device), rplidar(tmp_path / "lidar"), tmp_path / "lidar")
+    told = await found(emulated(device), rplidar(tmp_path / "lidar"), tmp_path / "lidar")
     assert "0x0004" in told["lidar condition"].words
 
 
@@ -126,7 +129,7 @@ async def test_a_port_that_is_not_there_is_told_where_the_lidar_alone_is_looked_
 
 
 async def test_what_auto_finds_is_named_and_looked_at(tmp_path):
-    device, path = TurningEmulator(RplidarDevice()), tmp_path / "lidar"
+    device, path = emulated(RplidarDevice()), tmp_path / "lidar"
     chosen = settings("lidar.driver=auto", f"lidar.address=serial://{path}")
     told = await looked_at(device, path, tmp_path, chosen)
     assert {one.level for one in told.values()} == {Level.OK}
@@ -135,7 +138,7 @@ async def test_what_auto_finds_is_named_and_looked_at(tmp_path):
 
 
 async def test_what_auto_cannot_find_is_told_with_its_remedy(tmp_path):
-    device, path = TurningEmulator(RplidarDevice()), tmp_path / "lidar"
+    device, path = emulated(RplidarDevice()), tmp_path / "lidar"
     device.silence = True
     chosen = settings("lidar.driver=auto", f"lidar.address=serial://{path}")
     told = await looked_at(device, path, tmp_path, chosen)

@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import time
 from pathlib import Path
 
 import pytest
@@ -10,21 +9,12 @@ import pytest
 from tests.wallride.doctor.fakes import changed, healthy, link, settings
 from wallride.drivers.address import parse_address
 from wallride.drivers.link import open_link
-from wallride.drivers.vesc import codec, settings_link
+from wallride.drivers.vesc import codec
 from wallride.drivers.vesc.app_config import change_app_config, decode_app_config
 from wallride.sim.devices.vesc import VescEmulator
-from wallride.vesc import change, standstill
+from wallride.vesc import change
 from wallride.vesc.change import SettingsWish, VescAccess, VescChangeError, recommended
 from wallride.vesc.port import refuse_taken_port
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch):
-    monkeypatch.setattr(settings_link, "WRITTEN_S", 0.6)
-    monkeypatch.setattr(settings_link, "ANSWER_S", 0.4)
-    monkeypatch.setattr(change, "REOPEN_EVERY_S", 0.02)
-    monkeypatch.setattr(standstill, "OBSERVED_S", 0.1)
-    monkeypatch.setattr(standstill, "SPARE_S", 0.3)
 
 
 class Rig:
@@ -32,7 +22,10 @@ class Rig:
 
     def __init__(self, folder, firmware=(6, 5)):
         self.folder, self.said, self.asked = folder, [], 0
-        self.vesc = VescEmulator(folder / "vesc", firmware=firmware, timeout_s=1.0, timeout_brake_a=0.0)
+        self.vesc = VescEmulator(
+            folder / "vesc", firmware=firmware, clock=asyncio.get_running_loop().time, timeout_s=1.0,
+            timeout_brake_a=0.0,
+        )  # fmt: skip
         self.vesc.config.servo_output = False
         self.agrees, self.as_it_was = True, self.vesc.config.told(firmware)
         self.vesc.start()
@@ -80,7 +73,7 @@ async def test_what_protects_a_car_is_set_and_kept_over_a_power_cycle_and_taken_
     rig.vesc.reboot()
     rig.vesc.replug()
     assert values(rig) == (0.15, 10.0, True)
-    assert rig.vesc.demand(time.monotonic() + 0.2).value == 10.0, "and it brakes so after so long"
+    assert rig.vesc.demand(asyncio.get_running_loop().time() + 0.2).value == 10.0, "and it brakes so after so long"
     (kept,) = rig.kept()
     assert await change.restore(rig.access(), kept) == 0
     assert values(rig) == (1.0, 0.0, False)
@@ -175,7 +168,7 @@ async def test_a_controller_that_gets_commands_is_left_alone(rig):
 
 
 async def test_a_port_that_another_program_has_is_left_alone(rig):
-    other = await open_link(rig.access().address, time.monotonic)
+    other = await open_link(rig.access().address, asyncio.get_running_loop().time)
     await refused(rig, "another program holds it")
     other.close()
 
