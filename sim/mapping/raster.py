@@ -18,6 +18,9 @@ WALL_SHARE: Final = 0.25
 MIN_HITS: Final = 2
 BEAM_RAD: Final = 0.008
 """Angle between the beams that are drawn, 10 cm at the farthest."""
+DRIVEN_M: Final = 0.15
+"""Half of the width of the way that the car itself has driven over: free, although a beam straight ahead without an
+echo tells nothing of it."""
 MARGIN_M: Final = 0.5
 AT_ONCE: Final = 16
 
@@ -46,6 +49,7 @@ def rasterized(frames: Sequence[Keyframe], poses: Floats, step_rad: float) -> Ra
         hits += _counted(np.vstack(ends[part]), low, shape)
         rays = [_along(pose[:2], one[::every]) for pose, one in zip(poses[part], ends[part], strict=True)]
         misses += every * _counted(np.vstack(rays), low, shape)
+    misses += _counted(_driven_over(poses[:, :2]), low, shape)
     wall = (hits >= MIN_HITS) & (hits > WALL_SHARE * (hits + misses))
     free = (misses > 0) & ~wall
     return Raster((float(low[0]), float(low[1])), wall.reshape(shape), free.reshape(shape))
@@ -62,6 +66,17 @@ def _ends(frame: Keyframe, pose: Floats) -> Floats:
     points_m = points_m[:, np.isfinite(points_m[0])]
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     return (np.array([[cos, -sin], [sin, cos]]) @ points_m).T + pose[:2]
+
+
+def _driven_over(places_m: Floats) -> Floats:
+    """Return points half a cell apart beside the way through places (n, 2), (k, 2)."""
+    steps = np.diff(places_m, axis=0, append=places_m[-1:])
+    shares = np.arange(0.0, 1.0, 0.1)
+    way_m = (places_m[:, None] + shares[:, None] * steps[:, None]).reshape(-1, 2)
+    aside = np.arange(-DRIVEN_M, DRIVEN_M + 1e-9, CELL_M / 2)
+    across = np.stack(np.meshgrid(aside, aside), axis=-1).reshape(-1, 2)
+    points: Floats = (way_m[:, None] + across[np.hypot(*across.T) <= DRIVEN_M]).reshape(-1, 2)
+    return points
 
 
 def _along(from_m: Floats, ends_m: Floats) -> Floats:

@@ -40,3 +40,15 @@ def test_of_people_that_walked_by_no_trace_remains():
     often = rasterized([person, *[without] * 9], np.zeros((10, 3)), KIND[1])
     assert not often.wall[cell(often, 1.52, 0.02)]
     assert often.free[cell(often, 1.52, 0.02)]
+
+
+def test_what_the_car_has_driven_over_is_free_though_no_beam_tells_of_it():
+    blind = frames_along("corridor", at_m=20.0)
+    for frame in blind:
+        frame.points_m[:, KIND[2] // 2 - 120 : KIND[2] // 2 + 121] = np.nan
+        frame.surface.usable[KIND[2] // 2 - 120 : KIND[2] // 2 + 121] = False
+    poses = np.array([[20.0, 0.0, 0.0], [20.3, 0.0, 0.0]])
+    raster = rasterized(blind, poses, KIND[1])
+    for x_m in np.arange(20.0, 20.35, 0.05):
+        assert all(raster.free[cell(raster, x_m, y_m)] for y_m in (-0.12, 0.0, 0.12))
+    assert not raster.free[cell(raster, 22.0, 0.0)]
