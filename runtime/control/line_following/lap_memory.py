@@ -65,24 +65,28 @@ class LapMemory:
 class BuildUp:
     """The share of the line's speed that may be driven: rises from lap to lap, falls when the car was held back.
 
-    first: share of the first lap. step: added by each lap, taken away by each time that it was held back.
+    first: share of the first lap. step: added by each lap in which nothing held it back, and else taken away.
     """
 
     def __init__(self, first: float, step: float) -> None:
         self._first, self._step = first, step
         self.share = first
+        self._clean = True
 
     def tune(self, first: float, step: float) -> None:
         """Change both; the share that was reached is kept."""
         self._first, self._step = first, step
         self.share = max(self.share, first)
 
-    def faster(self) -> None:
-        """Raise the share: a lap is done."""
-        self.share = min(1.0, self.share + self._step)
+    def lap_done(self) -> None:
+        """Raise the share, unless the lap that is done was held back."""
+        if self._clean:
+            self.share = min(1.0, self.share + self._step)
+        self._clean = True
 
     def slower(self) -> None:
         """Lower the share: something held the car back."""
+        self._clean = False
         self.share = max(self._first, self.share - self._step)
 
 

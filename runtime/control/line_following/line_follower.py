@@ -146,7 +146,7 @@ class LineFollower:
         on = self._on
         assert on is not None  # noqa: S101 - `_unfit` has noted it
         if self._joined and self._laps.take(scan.stamp_s, on.along_m, on.aside_m):
-            self._build_up.faster()
+            self._build_up.lap_done()
         late_s = min(max(scan.received_s - scan.stamp_s, 0.0), MAX_STEP_S)
         then = now.later(self._settings.latency_s + WIRE_S + late_s, self._told_rad, tyres)
         there = line.nearest(then.place_m, on.along_m)

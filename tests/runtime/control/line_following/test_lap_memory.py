@@ -28,13 +28,16 @@ def test_a_lap_that_was_broken_off_does_not_count():
 
 def test_the_speed_rises_by_laps_and_falls_when_held_back():
     share = BuildUp(0.6, 0.2)
-    share.faster()
-    share.faster()
-    share.faster()
+    for _ in range(3):
+        share.lap_done()
     assert share.share == 1.0
     share.slower()
     assert share.share == pytest.approx(0.8)
-    for _ in range(3):
+    share.lap_done()
+    assert share.share == pytest.approx(0.8), "the lap in which it was held back"
+    share.lap_done()
+    assert share.share == 1.0
+    for _ in range(5):
         share.slower()
     assert share.share == 0.6
     share.tune(0.9, 0.1)
