@@ -14,10 +14,11 @@ SLOW: Final = (
     # processes in real time: the car with its emulated devices, ssh, benches
     "clients/remote/test_examples.py", "docs/test_five_steps.py", "sim/bench/test_measure.py",
     "sim/live/test_farewell.py", "system/faults/test_faults.py", "system/faults/test_router.py",
-    "docs/test_bring_up.py", "system/test_failing_scripts.py", "system/test_operator.py", "system/test_own_car.py",
+    "system/faults/test_swapped_ports.py", "docs/test_bring_up.py", "system/test_failing_scripts.py",
+    "system/test_operator.py", "system/test_own_car.py",
     "system/test_maestro_car.py", "system/test_own_driver.py", "system/test_own_law.py", "system/test_planners.py",
     "system/test_poor_link.py", "system/test_process.py", "system/test_scenario.py", "system/test_sim_fleet.py",
-    "system/test_turning_lidars.py",
+    "system/test_ros2_receiver.py", "system/test_turning_lidars.py",
     "system/test_uplink.py", "system/test_walls.py", "system/test_ways_out.py", "wallride/deploy/test_over_ssh.py",
     "wallride/doctor/test_command.py", "wallride/doctor/test_planted_in_the_devices.py", "wallride/test_cli.py",
     "wallride/test_install.py", "wallride/test_one_package.py", "wallride/vesc/test_command.py",
@@ -27,6 +28,8 @@ SLOW: Final = (
     "sim/replay/test_foreign.py", "sim/replay/test_reenact.py", "sim/scenario/test_virtual_drive.py", "sim/tuning/",
     "sim/virtual/test_turning_sensor.py",
     "sim/virtual/test_driving_together.py", "sim/world/test_map_file.py", "sim/world/test_map_start.py",
+    # maps, poses and race lines of whole laps, computed off the car
+    "sim/mapping/", "sim/racing/", "wallride/test_line.py", "wallride/test_map.py", "wallride/test_pose.py",
     # long recordings and full disks
     "runtime/recording/test_recorded_times.py", "runtime/recording/test_recorder_disk.py",
     "sim/figures/test_drawing.py",

@@ -4,6 +4,8 @@ import ast
 import re
 import tomllib
 from collections import Counter, defaultdict
+from dataclasses import dataclass, field
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -22,20 +24,52 @@ def sources(*endings):
     return [path for package in PACKAGES for path in (ROOT / package).rglob("*") if path.suffix in endings]
 
 
+@dataclass
+class Module:
+    """What is in a module. functions: name, number of parameters, lines. imports: with each name by its module's."""
+
+    lines: int
+    classes: list[tuple[str, int]] = field(default_factory=list)
+    functions: list[tuple[str, int, int]] = field(default_factory=list)
+    imports: set[str] = field(default_factory=set)
+
+    def take(self, node):
+        if isinstance(node, ast.ClassDef):
+            self.classes.append((node.name, node.lineno))
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            taken = len([name for name in parameters_of(node) if name != "self"])
+            self.functions.append((node.name, taken, (node.end_lineno or 0) - node.lineno + 1))
+        elif isinstance(node, ast.Import):
+            self.imports |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module is not None:
+            self.imports |= {f"{node.module}.{alias.name}" for alias in node.names} | {node.module}
+
+
+@cache
+def modules():
+    """Return the modules by their paths; read once."""
+    found = {}
+    for path in sources(".py"):
+        text = path.read_text()
+        module = found[str(path.relative_to(ROOT))] = Module(len(text.splitlines()))
+        for node in ast.walk(ast.parse(text)):
+            module.take(node)
+    return found
+
+
 def test_no_class_name_stands_for_two_things():
     places = defaultdict(list)
-    for path in sources(".py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.ClassDef):
-                places[node.name].append(f"{path.relative_to(ROOT)}:{node.lineno}")
+    for path, module in modules().items():
+        for name, line in module.classes:
+            places[name].append(f"{path}:{line}")
     assert len(places) > 300
     assert not {name: where for name, where in places.items() if len(where) > 1}
 
 
 def test_no_folder_has_more_modules_than_can_be_overlooked():
-    modules = Counter(path.parent for path in sources(".py") if path.name != "__init__.py")
-    assert max(modules.values()) > 10
-    assert not {str(folder.relative_to(ROOT)): count for folder, count in modules.items() if count > MAX_MODULES}
+    counts = Counter(path.parent for path in sources(".py") if path.name != "__init__.py")
+    assert max(counts.values()) > 10
+    assert not {str(folder.relative_to(ROOT)): count for folder, count in counts.items() if count > MAX_MODULES}
 
 
 def parameters_of(function):
@@ -45,12 +79,7 @@ def parameters_of(function):
 
 
 def test_what_a_function_takes_can_be_remembered():
-    counts = {
-        f"{path.relative_to(ROOT)}:{node.name}": len([name for name in parameters_of(node) if name != "self"])
-        for path in sources(".py")
-        for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-    }
+    counts = {f"{path}:{name}": count for path, one in modules().items() for name, count, _ in one.functions}
     assert len(counts) > 2000
     assert {name: count for name, count in counts.items() if count > MAX_PARAMETERS} == {}
     many = sorted(name for name, count in counts.items() if count > MANY_PARAMETERS)
@@ -58,14 +87,8 @@ def test_what_a_function_takes_can_be_remembered():
 
 
 def test_a_file_and_a_function_can_be_read_at_once():
-    files = {str(path.relative_to(ROOT)): len(path.read_text().splitlines()) for path in sources(".py")}
-    assert {name for name, lines in files.items() if lines > MAX_LINES} == set()
-    functions = {
-        f"{path.relative_to(ROOT)}:{node.name}": (node.end_lineno or 0) - node.lineno + 1
-        for path in sources(".py")
-        for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-    }
+    assert {path for path, module in modules().items() if module.lines > MAX_LINES} == set()
+    functions = {f"{path}:{name}": lines for path, one in modules().items() for name, _, lines in one.functions}
     longest = {name for name, lines in functions.items() if lines > LONGER_FUNCTIONS.get(name, MAX_FUNCTION_LINES)}
     assert longest == set()
 
@@ -80,27 +103,14 @@ def test_sentences_have_a_component_as_their_subject():
     assert len(found) <= MAX_RIDDLES, "\n".join(found)
 
 
-def imports_of(path, modules):
-    """Return the modules of ours that a module imports, at its top or later."""
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module is not None:
-            found |= {f"{node.module}.{alias.name}" for alias in node.names} | {node.module}
-    return found & modules
-
-
 def test_no_module_imports_itself_by_way_of_others():
     places = {
-        ".".join(("wallride", *path.relative_to(ROOT).with_suffix("").parts)).replace(
-            "wallride.wallride", "wallride"
-        ): path
-        for path in sources(".py")
-        if path.relative_to(ROOT).parts[0] not in {"benchmarks", "docs"}
+        ".".join(("wallride", *Path(path).with_suffix("").parts)).replace("wallride.wallride", "wallride"): module
+        for path, module in modules().items()
+        if not path.startswith(("benchmarks/", "docs/"))
     }
     assert len(places) > 300
-    graph = {name: imports_of(path, places.keys()) for name, path in places.items()}
+    graph = {name: module.imports & places.keys() for name, module in places.items()}
     try:
         tuple(TopologicalSorter(graph).static_order())
     except CycleError as error:

@@ -67,9 +67,7 @@ async def test_mistakes_are_clear_errors():
                 wallride.connect("car9", at=bus.endpoint)
 
         await in_thread(script)
-    with pytest.raises(ConnectionProblemError, match="does a car run here"):
-        await in_thread(lambda: wallride.connect(at="tcp/127.0.0.1:9"))
-    with pytest.raises(ConnectionProblemError, match=r"another place: at=;"):
+    with pytest.raises(ConnectionProblemError, match=r"(?s)(?=.*does a car run here).*another place: at=;"):
         await in_thread(lambda: wallride.connect(at="tcp/127.0.0.1:9"))
     with pytest.raises(ConnectionProblemError, match=r"car=5, at=None: both are text"):
         wallride.connect(5)  # type: ignore[arg-type]  # as a script without types may
