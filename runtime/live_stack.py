@@ -60,7 +60,7 @@ class LiveStack:
         guidance, self.answered_with = self.laws.follow(scan, motor), motor
         self.decision_log.add_follower(scan, motor, guidance)
         drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
-        word = DriveCommand(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason, guidance.stuck)
+        word = DriveCommand(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason, guidance.stuck, guidance.promise)
         waits_s = self._rate.note(scan.stamp_s)
         self.queue.put(word, expires_at_s=scan.stamp_s + self.settings.wall_follow.expires_after_s + waits_s)
         return guidance

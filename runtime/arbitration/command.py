@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Protocol
 
 from wallride.drivers.api import Drive
 from wallride.drivers.value import value
+from wallride.runtime.arbitration.promise import Promise
 
 NO_LIMIT_MPS = math.inf
 NO_WINNER = "nobody"
@@ -47,6 +48,7 @@ class DriveCommand:
     scan_stamp_s: the scan it was computed from, None for a human's request. It is not obeyed under a verdict on an
         older scan.
     stuck: whether the source has no way out of where the car stands: its reason then stands for that of safety.
+    promise: the path that the source will drive, in base_link at that scan; None where it promises none.
     """
 
     source: Source
@@ -54,6 +56,7 @@ class DriveCommand:
     scan_stamp_s: float | None
     reason: str
     stuck: bool = False
+    promise: Promise | None = None
 
 
 @value()
@@ -81,7 +84,13 @@ class Verdict:
 
     memory: ClassVar[None] = None
 
-    def judge(self, speed_mps: float, steering_rad: float, memory: Any) -> tuple["Verdict", Any]:  # noqa: ANN401, ARG002
+    def judge(
+        self,
+        speed_mps: float,  # noqa: ARG002
+        steering_rad: float,  # noqa: ARG002
+        memory: Any,  # noqa: ANN401
+        promise: Promise | None = None,  # noqa: ARG002
+    ) -> tuple["Verdict", Any]:
         """Return this verdict for every command: a constant SafetyAssessment."""
         return self, memory
 
@@ -102,10 +111,16 @@ class SafetyAssessment(Protocol):
     @property
     def memory(self) -> Any: ...  # noqa: ANN401, D102 - in the class docstring
 
-    def judge(self, speed_mps: float, steering_rad: float, memory: Any) -> tuple[Verdict, Any]:  # noqa: ANN401
+    def judge(
+        self,
+        speed_mps: float,
+        steering_rad: float,
+        memory: Any,  # noqa: ANN401
+        promise: Promise | None = None,
+    ) -> tuple[Verdict, Any]:
         """Return the verdict on a command that is about to be sent, and the memory after it; commits nothing.
 
-        Cheap: evaluated again at every tick.
+        Cheap: evaluated again at every tick. promise: the path that its source will drive.
         """
         ...
 
@@ -229,7 +244,7 @@ def _tightest(word: DriveCommand, caps: Sequence[SpeedLimit]) -> tuple[Decision,
     decision = Decision(word.drive.speed_mps, steering_rad, word.source, word.source, word.reason)
     for cap in caps:
         assessment = cap.assessment
-        verdict, memory = assessment.judge(word.drive.speed_mps, steering_rad, assessment.memory)
+        verdict, memory = assessment.judge(word.drive.speed_mps, steering_rad, assessment.memory, word.promise)
         memories.append((assessment, memory))
         if not (verdict.forward_mps >= 0 and verdict.reverse_mps >= 0 and verdict.brake_mps2 >= 0):  # false for NaN
             no_limit = f"{cap.source} answers with what is no limit"

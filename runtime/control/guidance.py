@@ -6,8 +6,9 @@ from typing import Protocol
 from wallride.drivers.api import Drive, MotorState, Scan
 from wallride.drivers.value import value
 from wallride.runtime.arbitration.command import SafetyAssessment, Verdict
+from wallride.runtime.arbitration.promise import Promise
 
-__all__ = ["Follower", "Guard", "Guidance", "SafetyAssessment", "Verdict"]
+__all__ = ["Follower", "Guard", "Guidance", "Promise", "SafetyAssessment", "Verdict"]
 
 
 @value()
@@ -20,6 +21,7 @@ class Guidance:
     angle_rad: heading of the fitted line seen from the car, positive when it leads to the left; NaN without one.
     line_m: distance of that line from the rear axle; NaN where the method fits none or steers by the nearest points.
     stuck: whether there is no way out of where the car stands; `reason` says what it needs.
+    promise: the path that the method will drive, for safety to judge; None where it promises none.
     """
 
     drive: Drive | None
@@ -29,6 +31,7 @@ class Guidance:
     reason: str
     line_m: float = math.nan
     stuck: bool = False
+    promise: Promise | None = None
 
 
 class Follower(Protocol):

@@ -74,7 +74,9 @@ class _Batch:
 
 
 _ROWS: tuple[type[Any], ...] = (MotorState, Drive, Verdict, Decision, Guidance)
-_COLUMNS = {kind: tuple(column.name for column in fields(kind)) for kind in _ROWS}
+_NOT_KEPT = frozenset({"promise"})
+"""A replayed law makes its promise anew."""
+_COLUMNS = {kind: tuple(column.name for column in fields(kind) if column.name not in _NOT_KEPT) for kind in _ROWS}
 _FLOATS = {kind: frozenset(column.name for column in fields(kind) if column.type is float) for kind in _ROWS}
 _COLUMN_NAMES = {kind.__name__: columns for kind, columns in _COLUMNS.items()}
 

@@ -60,7 +60,7 @@ def guidances(recorded: Guidance, replayed: Guidance, allowed: float = 0.0) -> I
             if not same(*pair, allowed):
                 yield f"the follower's {name.partition('_')[0]} [{unit}]", *pair
     for column in fields(Guidance):
-        if column.name != "drive":
+        if column.name not in {"drive", "promise"}:
             pair = getattr(recorded, column.name), getattr(replayed, column.name)
             if not same(*pair, allowed):
                 yield f"the follower's {column.name.partition('_')[0]}", *pair

@@ -151,9 +151,13 @@ class SimulatedRun:
 _CONSENT = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "no guard")
 
 
-def drive(case: Case, follower: Follower, guard: Guard | None) -> SimulatedRun:
-    """Drive a case to its end. guard None: without safety."""
-    return _Rig(case, follower, guard).run()
+def drive(
+    case: Case, follower: Follower, guard: Guard | None, meet: Callable[[Vehicle], None] | None = None
+) -> SimulatedRun:
+    """Drive a case to its end. guard None: without safety. meet: told the vehicle before, e.g. to know its pose."""
+    rig = _Rig(case, follower, guard)
+    (meet or (lambda _: None))(rig.vehicle)
+    return rig.run()
 
 
 def drive_together(
@@ -318,9 +322,10 @@ class _Rig:
         words: list[QueueEntry] = [
             SpeedLimit(Source.SAFETY, assessment, now_s),
             DriveCommand(
-                case.driver, wish, None if case.driver is Source.TELEOP else now_s, guidance.reason, guidance.stuck
+                case.driver, wish, None if case.driver is Source.TELEOP else now_s, guidance.reason, guidance.stuck,
+                guidance.promise,
             ),
-        ]
+        ]  # fmt: skip
         decision, memories = arbitrate(words, frozenset({Source.SAFETY}), _ORDER)
         for judge, memory in memories:
             judge.commit(memory)

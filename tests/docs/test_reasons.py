@@ -36,6 +36,12 @@ NO_REASONS = frozenset(
         "see the car itself, or dirt, and are ignored", ".+ beams around .+ deg .+",
         "almost no beam has an echo: uncover or clean the lidar",
         "the lidar allows .+ m/s: .+", ".+.+ deg a beam, .+ m",
+        # why a promised path is not believed, in the status: the arc is judged then, and gives the reason
+        "the promised path is not believed: .+ (.+ times)", "it left its path", "it took its path back",
+        "its path is no numbers", "its path does not begin at the car", "its path has gaps",
+        "its path is shorter than a stop", "no wheels steer so", "faster than the floor's grip",
+        "the wheels were locked", "it is of another scan", "the command leads elsewhere", "the command is faster",
+        "no room to brake from its path",
         " .+ times in a row",  # a part of a reason
         "the wheels turn and the scan stands (wheels in the air?): it does not back out",
         # counted and logged: the command is not obeyed, and the car does what it did before

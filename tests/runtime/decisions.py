@@ -48,7 +48,7 @@ class Counting:
     def ask(self, _speed_mps, _steering_rad):
         return Verdict(INF, INF, "clear")
 
-    def judge(self, speed_mps, steering_rad, memory):
+    def judge(self, speed_mps, steering_rad, memory, _promise=None):
         return self.ask(speed_mps, steering_rad), memory + 1
 
     def commit(self, memory):

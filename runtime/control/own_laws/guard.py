@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from wallride.drivers.api import Clock, MotorState, Scan
 from wallride.runtime.arbitration.command import Verdict
+from wallride.runtime.arbitration.promise import Promise
 from wallride.runtime.control.own_laws.answer import WrongAnswerError, number, of_kind, shown, text
 from wallride.runtime.control.own_laws.api import LawLimit
 from wallride.runtime.control.own_laws.law_class import LawClass
@@ -14,7 +15,8 @@ from wallride.runtime.control.own_laws.runner import LawRunner, OwnSection, Want
 from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.report.laws import ReportGuard
 from wallride.runtime.control.report.settings import ReportSafetySettings
-from wallride.runtime.control.safety.swept import SweptAssessment, SweptGuard, SweptMemory
+from wallride.runtime.control.safety.swept import SweptAssessment, SweptGuard
+from wallride.runtime.control.safety.swept_memory import SweptMemory
 
 
 @dataclass(slots=True, eq=False)
@@ -44,9 +46,11 @@ class CappedAssessment(_Guarded):
 
     cap: Verdict
 
-    def judge(self, speed_mps: float, steering_rad: float, memory: SweptMemory) -> tuple[Verdict, SweptMemory]:
+    def judge(
+        self, speed_mps: float, steering_rad: float, memory: SweptMemory, promise: Promise | None = None
+    ) -> tuple[Verdict, SweptMemory]:
         """Judge a drive: the lower limit of both in each direction, with the reason of the one that binds."""
-        verdict, memory = self.assessment.judge(speed_mps, steering_rad, memory)
+        verdict, memory = self.assessment.judge(speed_mps, steering_rad, memory, promise)
         return _lower_of(verdict, self.cap, speed_mps), memory
 
     def ask(self, speed_mps: float, steering_rad: float) -> Verdict:
@@ -60,7 +64,13 @@ class GuardedAssessment(_Guarded):
 
     verdict: Verdict
 
-    def judge(self, speed_mps: float, steering_rad: float, memory: SweptMemory) -> tuple[Verdict, SweptMemory]:
+    def judge(
+        self,
+        speed_mps: float,
+        steering_rad: float,
+        memory: SweptMemory,
+        promise: Promise | None = None,  # noqa: ARG002
+    ) -> tuple[Verdict, SweptMemory]:
         """Judge a drive; it leaves nothing in the memory."""
         return self.ask(speed_mps, steering_rad), memory
 

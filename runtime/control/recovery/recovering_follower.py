@@ -33,4 +33,7 @@ class RecoveringFollower:
         if advice.drive is None and not advice.words:
             return guidance
         stuck = advice.words in {HELP, TRAFFIC}
-        return replace(guidance, drive=advice.drive or guidance.drive, reason=advice.words, stuck=stuck)
+        promise = guidance.promise if advice.drive is None else None
+        return replace(
+            guidance, drive=advice.drive or guidance.drive, reason=advice.words, stuck=stuck, promise=promise
+        )

@@ -7,10 +7,11 @@ held for a moment. Formulas: docs/laws.md; figures: benchmarks/laws.md.
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 from wallride.drivers.api import Clock, MotorState, Scan
 from wallride.runtime.arbitration.command import NO_LIMIT_MPS, Verdict
+from wallride.runtime.arbitration.promise import Promise
+from wallride.runtime.control.perception.geometry import Places
 from wallride.runtime.control.perception.lidar_health_settings import LidarHealthSettings
 from wallride.runtime.control.perception.perception import Assumed, Percept, Perception
 from wallride.runtime.control.perception.view import View
@@ -19,8 +20,10 @@ from wallride.runtime.control.safety.body import LOOK_SPARE_M, Body
 from wallride.runtime.control.safety.emergency import Emergency
 from wallride.runtime.control.safety.footprint import NOTHING, Contact
 from wallride.runtime.control.safety.lidar_reach import LidarReach
-from wallride.runtime.control.safety.steering_reversal import SteeringReversal
+from wallride.runtime.control.safety.promise_judgement import CLEAR, JudgedWay, believed
+from wallride.runtime.control.safety.promise_record import NO_PROMISES
 from wallride.runtime.control.safety.stopping import speed_to_stop_within_mps, stopping_distance_m
+from wallride.runtime.control.safety.swept_memory import SweptMemory
 from wallride.runtime.control.safety.swept_path import GAINS_MPS, Strip
 from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
@@ -35,22 +38,8 @@ NEEDY_SHARE = 0.7
 """Share of a slippery floor's grip above which a bend leaves too little for the deceleration by the motor."""
 EDGE_M = 0.05
 """Maximum depth by which an object beside the car, not ahead of it, reaches into the strip."""
-CLEAR = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "clear")
 UNSEEN = "the lidar sees nothing ahead"
 ON_LIDAR = Verdict(0.0, 0.0, "something on the lidar: uncover it")
-
-
-class SweptMemory(NamedTuple):
-    """All that a judgement remembers, from scan to scan: a value, of which each judgement returns the next.
-
-    held_until_s: end of the hold of a hard stop. wary_until_s: end of the wary period.
-    """
-
-    held_until_s: float = -math.inf
-    braking: bool = False
-    wary_until_s: float = -math.inf
-    reversal: SteeringReversal = SteeringReversal()
-    emergency: Emergency = Emergency()
 
 
 class SweptGuard:
@@ -110,8 +99,8 @@ class SweptGuard:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Faults of the lidar's window, and what the lidar does not allow, in sentences for the user."""
-        return (*self.perception.health.words, *self.reach.words)
+        """Faults of the lidar's window, limits of the lidar, a promise not believed, in sentences for the user."""
+        return (*self.perception.health.words, *self.reach.words, *self.memory.promises.words)
 
     def learn(self) -> None:
         """Run the deferred work of the last scan, once its answer is sent."""
@@ -166,10 +155,13 @@ class SweptAssessment:
         """Return what `judge` would, with caches of its own: some sweeps depend on when they ran."""
         return replace(self, strip=self.strip.copied()).judge(speed_mps, steering_rad, self.guard.memory)[0]
 
-    def judge(self, speed_mps: float, steering_rad: float, memory: SweptMemory) -> tuple[Verdict, SweptMemory]:
+    def judge(
+        self, speed_mps: float, steering_rad: float, memory: SweptMemory, promise: Promise | None = None
+    ) -> tuple[Verdict, SweptMemory]:
         """Return the verdict on a drive, and the memory after it; changes no memory.
 
-        NaN, infinity and a speed of 0 receive the ceiling alone.
+        NaN, infinity and a speed of 0 receive the ceiling alone. promise: where it is believed, it is judged in place
+        of the arc.
         """
         age_s = self.age_s
         ceiling = self._ceiling(age_s)
@@ -180,11 +172,13 @@ class SweptAssessment:
         if speed_mps > 0:
             now_s, jump_rad = self.view.scan.stamp_s, self.guard.car.steering_rate_radps * reaction_s
             reversal = memory.reversal.after(steering_rad, now_s, jump_rad)
-            verdict, memory = self._forward(speed_mps, steering_rad, reaction_s, memory._replace(reversal=reversal))
+            memory = memory._replace(reversal=reversal)
+            way, memory = self._promised(speed_mps, steering_rad, memory, promise)
+            verdict, memory = self._forward(speed_mps, steering_rad, reaction_s, memory, way)
             if reversal.wavers:
                 verdict = _slower_of(verdict, self._wavering(speed_mps, reversal.given_up_rad, reaction_s))
             if self.percept.visibility.suspicious:
-                verdict = _slower_of(verdict, self._unseen(speed_mps, steering_rad, reaction_s))
+                verdict = _slower_of(verdict, self._unseen(speed_mps, steering_rad, reaction_s, way))
             return _slower_of(verdict, ceiling), memory
         verdict = self._backward(steering_rad, reaction_s)
         return verdict if verdict.reverse_mps <= ceiling.reverse_mps else ceiling, memory
@@ -216,17 +210,27 @@ class SweptAssessment:
             return self.window
         return Verdict(settings.doubtful_mps, settings.doubtful_mps, "the scan is late", age_s)
 
+    def _promised(
+        self, wanted_mps: float, steering_rad: float, memory: SweptMemory, promise: Promise | None
+    ) -> tuple[JudgedWay | None, SweptMemory]:
+        """Return the way that is judged in place of the arc, None without a believed promise, and the memory after."""
+        if promise is None:
+            return None, memory if memory.promises is NO_PROMISES else memory._replace(promises=NO_PROMISES)
+        command, look_m = (wanted_mps, steering_rad), self._look_m(wanted_mps)
+        way, record = believed(self.percept, self.strip, command, promise, memory.promises, look_m)
+        return way, memory if record is memory.promises else memory._replace(promises=record)
+
     def _forward(
-        self, wanted_mps: float, steering_rad: float, reaction_s: float, memory: SweptMemory
+        self, wanted_mps: float, steering_rad: float, reaction_s: float, memory: SweptMemory, way: JudgedWay | None
     ) -> tuple[Verdict, SweptMemory]:
         body, settings = self.guard.body, self.guard.settings
         speed_mps, look_m = max(self.speed_mps, 0.0), self._look_m(wanted_mps)
-        found = self.strip.contact(steering_rad, look_m, wary=self.wary)
+        found = self._found(steering_rad, look_m, memory, way)
         now_s = self.view.scan.stamp_s
-        if not memory.braking:
+        if not memory.braking and way is None:
             memory = self._begun(steering_rad, memory)
         if found is NOTHING and not memory.braking:
-            return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s), memory
+            return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s, way), memory
         if found is not NOTHING and speed_mps > settings.doubtful_mps:
             memory = memory._replace(wary_until_s=now_s + WARY_S)
         hard_mps2 = settings.hard_share * body.grip_for_mps2(found)
@@ -240,15 +244,22 @@ class SweptAssessment:
         if memory.emergency.chosen is not None:
             memory = memory._replace(emergency=memory.emergency.ended())
         if found is NOTHING:
-            return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s), memory
+            return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s, way), memory
         graded_mps = body.graded_mps(found, reaction_s)
         hastes = wanted_mps >= speed_mps > graded_mps and found.aside_m * steering_rad < 0.0
-        if hastes and self._is_needy(steering_rad):
+        if way is None and hastes and self._is_needy(steering_rad):
             slowed = memory.emergency.slowed_in_bend(self.strip, steering_rad, now_s)
             if slowed is not None:
                 return _emergency(found, slowed), memory._replace(braking=True, emergency=slowed)
-        gaining = self._gaining(steering_rad, look_m, wanted_mps, reaction_s)
+        gaining = self._gaining(steering_rad, look_m, wanted_mps, reaction_s, way)
         return _slower_of(self._slower(found, graded_mps, reaction_s), gaining), memory
+
+    def _found(self, steering_rad: float, look_m: float, memory: SweptMemory, way: JudgedWay | None) -> Contact:
+        """Return the first contact of the way, or of the arc; of both while the car brakes."""
+        if way is not None and not memory.braking:
+            return way.found
+        found = self.strip.contact(steering_rad, look_m, wary=self.wary)
+        return found if way is None or found.travel_m <= way.found.travel_m else way.found
 
     def _begun(self, steering_rad: float, memory: SweptMemory) -> SweptMemory:
         """Return the memory after an emergency may have begun by a turn in vain."""
@@ -274,10 +285,18 @@ class SweptAssessment:
         slow_mps = max(guard.body.graded_mps(found, reaction_s), guard.settings.creep_mps)
         return Verdict(slow_mps, NO_LIMIT_MPS, "slower: the driver wavers", found.travel_m)
 
-    def _unseen(self, wanted_mps: float, steering_rad: float, reaction_s: float) -> Verdict:
+    def _unseen(
+        self, wanted_mps: float, steering_rad: float, reaction_s: float, way: JudgedWay | None = None
+    ) -> Verdict:
         """Limit the speed so that a stop is possible within the known part of the path, whatever the rest hides."""
         body, unknown, look_m = self.guard.body, self.percept.visibility.unknown(), self._look_m(wanted_mps)
-        found = self.strip.reaches(unknown.hard, steering_rad, look_m)
+
+        def reaches(points_m: Places) -> Contact:
+            if way is None:
+                return self.strip.reaches(points_m, steering_rad, look_m)
+            return self.strip.reaches_along(points_m, way.way.path, look_m, way.margin_m)
+
+        found = reaches(unknown.hard)
         hard_mps = body.graded_mps(found, reaction_s)
         brake_mps2 = self.guard.settings.hard_share * body.grip_mps2
         hard_m = STOP_SPARE_M + stopping_distance_m(max(self.speed_mps, 0.0), reaction_s, brake_mps2)
@@ -285,8 +304,8 @@ class SweptAssessment:
             return Verdict(
                 0.0, 0.0, "the lidar is blind ahead: uncover it" if unknown.blind else UNSEEN, found.travel_m
             )
-        soft_mps = max(CRAWL_MPS, body.graded_mps(self.strip.reaches(unknown.soft, steering_rad, look_m), reaction_s))
-        if self.strip.reaches(unknown.doubted, steering_rad, look_m) is not NOTHING:
+        soft_mps = max(CRAWL_MPS, body.graded_mps(reaches(unknown.soft), reaction_s))
+        if reaches(unknown.doubted) is not NOTHING:
             soft_mps = CRAWL_MPS
         reason = f"{UNSEEN}: crawling" if soft_mps <= CRAWL_MPS else f"slower: {UNSEEN}"
         return Verdict(min(hard_mps, soft_mps), NO_LIMIT_MPS, reason, found.travel_m)
@@ -327,14 +346,24 @@ class SweptAssessment:
         reason = "wall ahead" if self.strip.free_somewhere() else "boxed in"
         return Verdict(0.0, NO_LIMIT_MPS, reason, found.travel_m, stands=True)
 
-    def _no_contact(self, steering_rad: float, look_m: float, wanted_mps: float, reaction_s: float) -> Verdict:
+    def _no_contact(
+        self, steering_rad: float, look_m: float, wanted_mps: float, reaction_s: float, way: JudgedWay | None
+    ) -> Verdict:
         """Allow the drive, unless the path enters an enclosed region without echoes, or accelerating would widen it."""
-        if self.strip.leads_into_the_dark(steering_rad, look_m):
+        strip = self.strip
+        if strip.leads_into_the_dark(steering_rad, look_m) if way is None else strip.is_dark(way.toward_rad, look_m):
             return Verdict(self.guard.settings.doubtful_mps, NO_LIMIT_MPS, "no information ahead", look_m)
-        return self._gaining(steering_rad, look_m, wanted_mps, reaction_s)
+        return self._gaining(steering_rad, look_m, wanted_mps, reaction_s, way)
 
-    def _gaining(self, steering_rad: float, look_m: float, wanted_mps: float, reaction_s: float) -> Verdict:
-        """Allow the drive, unless accelerating takes grip from the bend and the wider bend leads to a contact."""
+    def _gaining(
+        self, steering_rad: float, look_m: float, wanted_mps: float, reaction_s: float, way: JudgedWay | None
+    ) -> Verdict:
+        """Allow the drive, unless accelerating takes grip from the bend and the wider bend leads to a contact.
+
+        On a promised way, unless it is too fast for a full brake from each of its points, or for what it hides.
+        """
+        if way is not None:
+            return way.limit(self.guard.body, reaction_s)
         body, speed_mps = self.guard.body, max(self.speed_mps, 0.0)
         needy_mps2 = NEEDY_SHARE * body.slippery_mps2
         if wanted_mps <= speed_mps + GAINS_MPS or not self.strip.needs_grip(steering_rad, wanted_mps, needy_mps2):

@@ -10,7 +10,14 @@ from wallride.runtime.control.perception.obstacles.rear_memory import RearMemory
 from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.perception.visibility.no_return_regions import find_dark_regions
 from wallride.runtime.control.safety.body import LOOK_SPARE_M, Body
-from wallride.runtime.control.safety.footprint import NOTHING, Contact, Outline, contact_on_arc
+from wallride.runtime.control.safety.footprint import (
+    NOTHING,
+    AxlePath,
+    Contact,
+    Outline,
+    contact_on_arc,
+    first_contact,
+)
 
 OTHER_STEERINGS = (0.0, 0.5, -0.5, 1.0, -1.0)
 FREE_WAY_M = 0.5
@@ -73,8 +80,35 @@ class Strip:
         dark = self._dark.get(key)
         if dark is None:
             toward_rad = math.tan(steering_rad) / self.body.car.wheelbase_m * look_m / 2
-            dark = self._dark[key] = find_dark_regions(self.view, toward_rad, look_m + LOOK_SPARE_M)
+            dark = self._dark[key] = self.is_dark(toward_rad, look_m)
         return dark
+
+    def is_dark(self, toward_rad: float, look_m: float) -> bool:
+        """Return whether there is an enclosed region without echoes at that bearing, within the look-ahead."""
+        return find_dark_regions(self.view, toward_rad, look_m + LOOK_SPARE_M)
+
+    def contact_along(self, path: AxlePath, length_m: float, margin_m: float) -> Contact:
+        """Return the first contact on a path with so much more margin to each side; NOTHING beyond length_m.
+
+        Points that are within the margins already are judged as on an arc.
+        """
+        outline = replace(self.body.ahead, half_width_m=self.body.bare.half_width_m + margin_m)
+        points_m = self.points_ahead_m()
+        inside = replace(outline, rear_m=self.body.aback.rear_m).holds(points_m)
+        touching_m = points_m[inside]
+        if touching_m.size:
+            outline = replace(outline, half_width_m=self._room_aside_m(touching_m, outline))
+        found = first_contact(path, outline, points_m[~inside])
+        if touching_m.size:
+            pressed = first_contact(path, self.body.bare, touching_m)
+            found = min(found, pressed, key=lambda contact: contact.travel_m)
+        return found if found.travel_m <= length_m else NOTHING
+
+    def reaches_along(self, points_m: Places, path: AxlePath, length_m: float, margin_m: float) -> Contact:
+        """Return the first contact of a path with other places (k,), base_link; NOTHING beyond length_m."""
+        outline = replace(self.body.ahead, half_width_m=self.body.bare.half_width_m + margin_m)
+        found = first_contact(path, outline, points_m)
+        return found if found.travel_m <= length_m else NOTHING
 
     def free_somewhere(self, length_m: float = FREE_WAY_M) -> bool:
         """Return whether any steering leads the standing car length_m ahead without a contact."""
@@ -91,10 +125,8 @@ class Strip:
 
     def passes(self, steering_rad: float, length_m: float, outline: Outline) -> bool:
         """Whether such an outline touches nothing on the way that this steering leads to."""
-        points_m = np.concatenate(self._points_m())
-        return (
-            contact_on_arc(self._motion(1.0, self.body.grip_mps2), steering_rad, length_m, outline, points_m) is NOTHING
-        )
+        motion = self._motion(1.0, self.body.grip_mps2)
+        return contact_on_arc(motion, steering_rad, length_m, outline, self.points_ahead_m()) is NOTHING
 
     def needs_grip(self, steering_rad: float, speed_mps: float, grip_mps2: float) -> bool:
         """Return whether the bend needs more grip than this at this speed."""
@@ -184,6 +216,10 @@ class Strip:
             inside = self.body.presses(points)
             self._near_m = points[~inside], points[inside]
         return self._near_m
+
+    def points_ahead_m(self) -> Places:
+        """Return all points that are not known from memory alone, (k,), base_link."""
+        return np.concatenate(self._points_m())
 
     def points_around_m(self, within_m: float) -> Places:
         """Return all points seen and remembered within a distance of the rear axle, (k,), base_link."""

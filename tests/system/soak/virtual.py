@@ -28,6 +28,7 @@ from wallride.drivers.link import ByteLink
 from wallride.drivers.vesc.driver import Vesc
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.app import Car, CarSurroundings
+from wallride.runtime.arbitration.promise import Promise
 from wallride.runtime.realtime.scan_phase import ScanPhase
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.wire import topics
@@ -152,8 +153,8 @@ class _Overheard:
     def __init__(self, assessment: Any, scan_stamp_s: float, oracle: Oracle, clock: Callable[[], float]) -> None:
         self._assessment, self._stamp_s, self._oracle, self._clock = assessment, scan_stamp_s, oracle, clock
 
-    def judge(self, speed_mps: float, steering_rad: float, memory: Any) -> Any:
-        verdict, memory = self._assessment.judge(speed_mps, steering_rad, memory)
+    def judge(self, speed_mps: float, steering_rad: float, memory: Any, promise: Promise | None = None) -> Any:
+        verdict, memory = self._assessment.judge(speed_mps, steering_rad, memory, promise)
         self._oracle.judged(Judged(self._clock(), self._stamp_s, speed_mps, verdict.forward_mps, verdict.reverse_mps))
         return verdict, memory
 

@@ -1,0 +1,224 @@
+"""Judgement of a promised path: the outline swept along it, full braking from each of its points, and what hides it.
+
+A promise that is not believed is judged by the arc of the present steering, as every other command.
+"""
+
+import math
+
+import numpy as np
+
+from wallride.drivers.api import MotorState
+from wallride.drivers.value import value
+from wallride.runtime.arbitration.command import NO_LIMIT_MPS, Verdict
+from wallride.runtime.arbitration.promise import Promise
+from wallride.runtime.control.perception.geometry import ENOUGH_POINTS, Floats, Places
+from wallride.runtime.control.perception.perception import Percept
+from wallride.runtime.control.perception.view import View
+from wallride.runtime.control.safety.body import Body
+from wallride.runtime.control.safety.footprint import MIN_SLEW_SPEED_MPS, Contact, PathMotion, arc
+from wallride.runtime.control.safety.manoeuvre_rollout import FRONT_SHARE
+from wallride.runtime.control.safety.promise_record import DrivenPlace, PromiseRecord, TyreModel, place_of
+from wallride.runtime.control.safety.promised_way import (
+    TOO_SHORT,
+    PromisedWay,
+    Roadworthy,
+    Unbelievable,
+    points_of,
+    way_of,
+)
+from wallride.runtime.control.safety.stopping import stopping_distance_m
+from wallride.runtime.control.safety.swept_path import Strip
+
+SLID_S = 0.25
+"""Time after locked wheels for which the odometry tells nothing of a promise."""
+NEXT_S = 0.25
+AHEAD_LEAST_M = 0.3
+"""Way on which a command has to keep to the promise: until some scans later, and at least this."""
+COMMAND_SPARE_M, COMMAND_SPARE_SHARE = 0.02, 0.08
+"""How far the arc of a command may be beside the margin, here and with the way: it changes with the next scans."""
+CORRECTS_RAD, CORRECTS_MPS = 0.15, 2.0
+"""Largest angle by which a source corrects itself, at this speed and above."""
+FASTER_MPS = 0.5
+"""How much faster than the fastest of the promised speeds a command may be."""
+EACH = 3
+"""Interval of poses from which braking is judged: 0.18 m."""
+LATER_S = 0.03
+STOP_SPARE_M = 0.05
+SLIDE_MARGIN_M = 0.02
+IMPACT_MPS = 2.5
+"""Least impact of a full brake for which a promise is not believed; below it the speed is limited."""
+NOSE_STEP_M = 0.06
+SIGHT_RAD = math.radians(1.5)
+SIGHT_SPARE_M = 0.15
+HIDDEN_SPARE_M = 0.1
+
+SLID = "the wheels were locked"
+OTHER_SCAN = "it is of another scan"
+OTHER_COMMAND = "the command leads elsewhere"
+TOO_FAST = "the command is faster"
+NO_BRAKING = "no room to brake from its path"
+
+
+CLEAR = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "clear")
+HIDDEN = "slower: the way is hidden"
+
+
+@value(eq=False)
+class JudgedWay:
+    """A believed promise. found: first contact along it. toward_rad: bearing of its middle.
+
+    cap_m, cap_mps: (k,) ways ahead and the most speed there, from which full braking ends before a contact, or 0 where
+    the rest is hidden. margin_m: to each side.
+    """
+
+    way: PromisedWay
+    margin_m: float
+    found: Contact
+    toward_rad: float
+    cap_m: Floats
+    cap_mps: Floats
+
+    def limit(self, body: Body, reaction_s: float) -> Verdict:
+        """Return the limit from which the early brake keeps to every cap, and a hard stop to what is seen."""
+        if not self.cap_m.size:
+            return CLEAR
+        settings = body.settings
+        brakes_mps2 = np.where(self.cap_mps > 0.0, settings.graded_share, settings.hard_share) * body.grip_mps2
+        reach_mps = brakes_mps2 * reaction_s
+        speeds_mps = np.sqrt(reach_mps**2 + 2.0 * brakes_mps2 * self.cap_m + self.cap_mps**2) - reach_mps
+        tightest = int(speeds_mps.argmin())
+        most_mps = max(settings.creep_mps, float(speeds_mps[tightest]))
+        reason = HIDDEN if self.cap_mps[tightest] == 0.0 else "slower: a full brake needs the room"
+        return Verdict(most_mps, NO_LIMIT_MPS, reason, float(self.cap_m[tightest]))
+
+
+def believed(
+    seen: Percept, strip: Strip, command: tuple[float, float], promise: Promise, record: PromiseRecord, look_m: float
+) -> tuple[JudgedWay | None, PromiseRecord]:
+    """Return the way that is judged in place of the arc, None where the promise is not believed, and the next record.
+
+    command: speed [m/s] and steering [rad] that were asked for with the promise.
+    """
+    stamp_s = seen.scan.stamp_s
+    if seen.motor is None:
+        return None, record
+    here, fresh = _place(seen, seen.motor, strip, record), stamp_s > record.here.stamp_s
+    points = points_of(promise)
+    if isinstance(points, Unbelievable) or stamp_s - seen.slid_s < SLID_S:
+        reason = points.reason if isinstance(points, Unbelievable) else SLID
+        return None, record.restarted(here, reason) if fresh else record
+    places_m, speeds_mps = points
+    if promise.stamp_s == stamp_s:
+        if fresh:
+            record = record.after(here, here.in_frame_m(places_m), promise.margin_m)
+    elif record.given and record.given[-1].here.stamp_s == promise.stamp_s:
+        places_m = here.in_base_m(record.given[-1].path_m)
+    else:
+        return None, record.restarted(here, OTHER_SCAN) if fresh else record
+    if not record.given or not record.trusts(here):
+        return None, record
+    judged = _judged(strip, (places_m, speeds_mps), command, record.given[-1].margin_m, look_m)
+    if isinstance(judged, Unbelievable):
+        return None, record.refusing(judged.reason) if fresh else record
+    return judged, record
+
+
+def _judged(
+    strip: Strip, points: tuple[Places, Floats], command: tuple[float, float], margin_m: float, look_m: float
+) -> JudgedWay | Unbelievable:
+    body = strip.body
+    car = _roadworthy(strip)
+    way = way_of(*points, car, look_m)
+    if isinstance(way, Unbelievable):
+        return way
+    if way.promised_m < stopping_distance_m(car.speed_mps, car.latency_s, body.settings.hard_share * car.grip_mps2):
+        return Unbelievable(TOO_SHORT)
+    if command[0] > float(points[1].max()) + FASTER_MPS:
+        return Unbelievable(TOO_FAST)
+    if _leads_elsewhere(way, car, command[1], margin_m):
+        return Unbelievable(OTHER_COMMAND)
+    margin_m = max(body.settings.side_margin_m, margin_m)
+    found = strip.contact_along(way.path, look_m, margin_m)
+    braked_m, room_m = _braking_room_m(strip, way, look_m)
+    soon = braked_m <= car.speed_mps * (car.latency_s + LATER_S)
+    if (car.speed_mps**2 - 2.0 * car.grip_mps2 * room_m[soon] > IMPACT_MPS**2).any():
+        return Unbelievable(NO_BRAKING)
+    most_mps = np.sqrt(2.0 * car.grip_mps2 * room_m)
+    some = slice(0, EACH * most_mps.size, EACH)
+    bend_per_m = np.maximum(np.abs(way.path.curvature_per_m[some]), 1e-6)
+    most_mps = np.minimum(most_mps, np.sqrt(car.grip_mps2 / bend_per_m))
+    binds = way.speed_mps[some] > most_mps
+    hidden_m = _hidden_m(strip.view, way, body.bare.front_m)
+    cap_m, cap_mps = braked_m[binds], most_mps[binds]
+    if hidden_m < look_m:
+        cap_m, cap_mps = np.append(cap_m, max(0.0, hidden_m - HIDDEN_SPARE_M)), np.append(cap_mps, 0.0)
+    middle_m = way.path.place_m[min(way.path.place_m.size - 1, int(look_m / 2 / NOSE_STEP_M))]
+    return JudgedWay(way, margin_m, found, float(np.angle(middle_m)), cap_m, cap_mps)
+
+
+def _roadworthy(strip: Strip) -> Roadworthy:
+    body = strip.body
+    grip_mps2 = body.grip_mps2
+    return Roadworthy(
+        max(0.0, strip.speed_mps), strip.wheel_rad, strip.latency_s, body.car.steering_rate_radps, body.car.wheelbase_m,
+        body.car.max_steering_rad, grip_mps2, 1.0 / (grip_mps2 * body.settings.cornering_per_rad),
+        body.car.max_acceleration_mps2,
+    )  # fmt: skip
+
+
+def _place(seen: Percept, motor: MotorState, strip: Strip, record: PromiseRecord) -> DrivenPlace:
+    """Return the car's place; its wheels obey with a delay of about one scan."""
+    car = _roadworthy(strip)
+    understeer = car.slip_rad_per_mps2 * (1.0 / FRONT_SHARE - 1.0)
+    told_rad = seen.past_rad[-2:][0][1]
+    tyres = TyreModel(car.wheelbase_m, car.slip_rad_per_mps2, understeer)
+    return place_of(record.here, motor, seen.scan.stamp_s, told_rad, tyres)
+
+
+def _leads_elsewhere(way: PromisedWay, car: Roadworthy, steering_rad: float, margin_m: float) -> bool:
+    """Whether a steering is none of those that the promise that comes with it leads through soon, or leaves its margin.
+
+    A source corrects its errors by other angles than the path's own, the larger ones the slower it is.
+    """
+    motion = PathMotion(
+        car.speed_mps, 1.0, car.wheel_rad, car.latency_s, car.rate_radps, car.wheelbase_m,
+        car.grip_mps2, car.slip_rad_per_mps2,
+    )  # fmt: skip
+    driven = arc(motion, steering_rad, max(AHEAD_LEAST_M, car.speed_mps * (car.latency_s + NEXT_S)))
+    count = min(driven.place_m.size, way.path.place_m.size)
+    apart_m = (driven.place_m[:count] - way.path.place_m[:count]) * way.course[:count].conj()
+    allowed_m = margin_m + COMMAND_SPARE_M + COMMAND_SPARE_SHARE * driven.travel_m[:count]
+    wheels_rad = np.arctan(car.wheelbase_m * way.path.curvature_per_m[:count])
+    spare_rad = CORRECTS_RAD * max(1.0, CORRECTS_MPS / max(car.speed_mps, MIN_SLEW_SPEED_MPS))
+    beside = steering_rad > wheels_rad.max() + spare_rad or steering_rad < wheels_rad.min() - spare_rad
+    return bool(beside or (np.abs(apart_m.imag) > allowed_m).any())
+
+
+def _braking_room_m(strip: Strip, way: PromisedWay, look_m: float) -> tuple[Floats, Floats]:
+    """Return ways along the promised part (k,), and how far the nose may slide straight on from each (k,)."""
+    count = int(np.searchsorted(way.path.travel_m, min(look_m, way.promised_m), side="right"))
+    some = slice(0, max(1, count), EACH)
+    points_m = strip.points_ahead_m()
+    travel_m = way.path.travel_m[some]
+    if points_m.size < ENOUGH_POINTS:
+        return travel_m, np.full(travel_m.size, math.inf)
+    seen = (points_m - way.path.place_m[some][:, None]) * way.course[some].conj()[:, None]
+    ahead_m = seen.real - strip.body.bare.front_m
+    met = (np.abs(seen.imag) <= strip.body.bare.half_width_m + SLIDE_MARGIN_M) & (ahead_m > -NOSE_STEP_M)
+    nearest_m = np.partition(np.where(met, ahead_m, np.inf), ENOUGH_POINTS - 1, axis=1)[:, ENOUGH_POINTS - 1]
+    return travel_m, np.maximum(nearest_m - STOP_SPARE_M, 0.0)
+
+
+def _hidden_m(view: View, way: PromisedWay, front_m: float) -> float:
+    """Return the way to where the nose would be behind something that is seen; infinity without such a place."""
+    scan = view.scan
+    nose = way.path.place_m + front_m * way.path.heading - view.lidar_m
+    beams = np.round((np.angle(nose) - scan.angle_min_rad) / scan.angle_step_rad).astype(np.int64)
+    width = max(1, round(SIGHT_RAD / abs(scan.angle_step_rad)))
+    window = beams[:, None] + np.arange(-width, width + 1)
+    outside = (window < 0) | (window >= view.ranges_m.size)
+    ranges_m = view.ranges_m[np.clip(window, 0, view.ranges_m.size - 1)]
+    nearer = (ranges_m < (np.abs(nose) - SIGHT_SPARE_M)[:, None]) | outside  # NaN is no echo: the law of visibility
+    hidden = np.count_nonzero(nearer, axis=1) > width
+    first = int(hidden.argmax())
+    return float(way.path.travel_m[first]) if hidden[first] else math.inf

@@ -1,0 +1,179 @@
+"""A promised path as the way of a car: poses, speeds and headings, or the reason why no car can drive it.
+
+The path is resampled to the steps of the sweep. Beyond its end the last curvature goes on, as the arc of wheels that
+are held. The speed at a place is never taken for less than what the motor's own brake leaves of the present one, so
+that no promise makes the car slower than it is. In a bend the nose points inward of the course by the rear axle's slip
+(`footprint`).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from wallride.drivers.value import value
+from wallride.runtime.arbitration.promise import Promise
+from wallride.runtime.control.perception.geometry import Floats, Places
+from wallride.runtime.control.safety.footprint import MIN_SLEW_SPEED_MPS, STEP_M, AxlePath
+
+MOTOR_BRAKE_MPS2 = 5.0
+"""Deceleration that is counted on from a set speed that falls: a VESC ramps it by 5.4 m/s2."""
+FASTER_MPS = 0.2
+"""Error of the speed from which the motor accelerates."""
+MAX_POINTS = 500
+MAX_GAP_M = 0.5
+MIN_SPACING_M = 0.1
+"""Distance of the points of which bearings are taken: of nearer ones they are noise."""
+MAX_MARGIN_M = 0.5
+HERE_M = 0.06
+HERE_RAD = 0.4
+"""Greatest distance of the path from the car, and angle from its heading where it begins: slip and a turn begun."""
+WHEEL_SPARE_RAD = 0.08
+"""Error of a wheels' angle read from a path: the tyres' understeer, the steering's trim, noise of the points."""
+GRIP_SPARE = 1.3
+"""Share of the grip up to which a path is believed: its curvature is read from points. Above 1 the speed is limited."""
+AHEAD_M = 2.0
+"""Part of a path in which the car looks for its own place."""
+
+NO_NUMBERS = "its path is no numbers"
+NOT_HERE = "its path does not begin at the car"
+GAPS = "its path has gaps"
+TOO_SHORT = "its path is shorter than a stop"
+CANNOT_STEER = "no wheels steer so"
+NO_GRIP = "faster than the floor's grip"
+
+
+class Unbelievable(NamedTuple):
+    """Why a promise is not believed."""
+
+    reason: str
+
+
+class Roadworthy(NamedTuple):
+    """What the car can do, for one judgement of its way.
+
+    speed_mps: now, >= 0. wheel_rad: angle of the wheels now. latency_s: until a new command acts. grip_mps2: of the
+    assumed floor. slip_rad_per_mps2: angle by which the course leaves the heading, per lateral acceleration.
+    gain_mps2: the most by which the motor accelerates.
+    """
+
+    speed_mps: float
+    wheel_rad: float
+    latency_s: float
+    rate_radps: float
+    wheelbase_m: float
+    most_rad: float
+    grip_mps2: float
+    slip_rad_per_mps2: float
+    gain_mps2: float
+
+
+@value(eq=False)
+class PromisedWay:
+    """Poses every STEP_M, in base_link. path: of the axle. course: direction of motion, (n,). speed_mps: (n,).
+
+    promised_m: way that the promise reaches; beyond it the last curvature goes on.
+    """
+
+    path: AxlePath
+    course: Places
+    speed_mps: Floats
+    promised_m: float
+
+
+def points_of(promise: Promise) -> tuple[Places, Floats] | Unbelievable:
+    """Return places (n,) and speeds (n,) of a promise, n >= 2."""
+    try:
+        path_m, speed_mps = np.asarray(promise.path_m, np.float64), np.asarray(promise.speed_mps, np.float64)
+        margin_m = float(promise.margin_m)
+    except (TypeError, ValueError, OverflowError):
+        return Unbelievable(NO_NUMBERS)
+    shaped = path_m.ndim == 2 and path_m.shape[0] == 2 and 2 <= path_m.shape[1] <= MAX_POINTS
+    if not shaped or speed_mps.shape != path_m.shape[1:] or not 0.0 <= margin_m <= MAX_MARGIN_M:
+        return Unbelievable(NO_NUMBERS)
+    if not (np.isfinite(path_m).all() and np.isfinite(speed_mps).all() and (speed_mps >= 0.0).all()):
+        return Unbelievable(NO_NUMBERS)
+    return path_m[0] + 1j * path_m[1], speed_mps
+
+
+def way_of(places_m: Places, speed_mps: Floats, car: Roadworthy, look_m: float) -> PromisedWay | Unbelievable:
+    """Return the way of a promised path from the car on, at least look_m long; or why the car cannot drive it."""
+    cut = _from_here(places_m, speed_mps)
+    if isinstance(cut, Unbelievable):
+        return cut
+    along_m, places_m, speed_mps = cut
+    chords = np.diff(places_m)
+    middle_m, angle_rad = (along_m[1:] + along_m[:-1]) / 2, np.unwrap(np.angle(chords))
+    if abs(angle_rad[0]) > HERE_RAD:
+        return Unbelievable(NOT_HERE)
+    bend_per_m = np.diff(angle_rad) / np.diff(middle_m) if angle_rad.size > 1 else np.zeros(1)
+    vertex_m = along_m[1:-1] if angle_rad.size > 1 else middle_m
+    promised_m = float(along_m[-1])
+    travel_m = STEP_M * np.arange(1, max(2, math.ceil(max(look_m, promised_m) / STEP_M) + 1), dtype=np.float64)
+    within = int(np.searchsorted(travel_m, promised_m, side="right"))
+    inside_m = travel_m[:within]
+    course_rad = np.interp(travel_m, middle_m, angle_rad)
+    curvature = np.interp(travel_m, vertex_m, bend_per_m)
+    beyond = int(np.searchsorted(travel_m, middle_m[-1]))  # from here on the last curvature turns the course
+    course_rad[beyond:] += curvature[beyond:] * (travel_m[beyond:] - middle_m[-1])
+    place_m = np.empty(travel_m.size, np.complex128)
+    place_m[:within] = np.interp(inside_m, along_m, places_m.real) + 1j * np.interp(inside_m, along_m, places_m.imag)
+    steps = STEP_M * np.exp(1j * (course_rad[within:] - curvature[within:] * STEP_M / 2))
+    begins_m = places_m[-1] + (within * STEP_M - promised_m) * np.exp(1j * angle_rad[-1])
+    place_m[within:] = begins_m + steps.cumsum()
+    speeds_mps = _believed_mps(np.interp(travel_m, along_m, speed_mps), travel_m, car)
+    return _driven(PromisedWay(
+        AxlePath(travel_m, place_m, np.exp(1j * course_rad), curvature), np.exp(1j * course_rad), speeds_mps, promised_m
+    ), car, within)  # fmt: skip
+
+
+def _from_here(places_m: Places, speed_mps: Floats) -> tuple[Floats, Places, Floats] | Unbelievable:
+    """Return ways along, places and speeds from the point of the path that is nearest to the car."""
+    chords = np.diff(places_m)
+    gaps_m = np.abs(chords)
+    if not gaps_m.all() or gaps_m.max() > MAX_GAP_M:
+        return Unbelievable(GAPS)
+    along_m = np.concatenate([[0.0], np.cumsum(gaps_m)])
+    near = max(1, int(np.searchsorted(along_m[1:], AHEAD_M)))
+    share = np.clip(-(places_m[:-1] * chords.conj()).real[:near] / gaps_m[:near] ** 2, 0.0, 1.0)
+    off_m = np.abs(places_m[:-1][:near] + share * chords[:near])
+    first = int(off_m.argmin())
+    if off_m[first] > HERE_M:
+        return Unbelievable(NOT_HERE)
+    here_m = float(along_m[first] + share[first] * gaps_m[first])
+    left_m = float(along_m[-1]) - here_m
+    if left_m < MIN_SPACING_M:
+        return Unbelievable(TOO_SHORT)
+    count = max(2, math.ceil(left_m / max(MIN_SPACING_M, left_m / max(1, gaps_m.size - first))) + 1)
+    at_m = here_m + left_m * np.arange(count) / (count - 1)
+    x_m, y_m = np.interp(at_m, along_m, places_m.real), np.interp(at_m, along_m, places_m.imag)
+    return at_m - here_m, x_m + 1j * y_m, np.interp(at_m, along_m, speed_mps)
+
+
+def _believed_mps(promised_mps: Floats, travel_m: Floats, car: Roadworthy) -> Floats:
+    """Return the speeds at ways ahead (n,): as promised, as far as the motor makes it slower or faster there."""
+    brakes_m = np.maximum(travel_m - car.speed_mps * car.latency_s, 0.0)
+    brake_mps2 = min(MOTOR_BRAKE_MPS2, 0.8 * car.grip_mps2)
+    left = np.maximum(car.speed_mps * car.speed_mps - 2.0 * brake_mps2 * brakes_m, 0.0)
+    gained_mps = np.sqrt(car.speed_mps * car.speed_mps + 2.0 * car.gain_mps2 * travel_m) + FASTER_MPS
+    speeds: Floats = np.maximum(np.minimum(promised_mps, gained_mps), np.sqrt(left))
+    return speeds
+
+
+def _driven(way: PromisedWay, car: Roadworthy, within: int) -> PromisedWay | Unbelievable:
+    """Return the way with the nose turned inward by the slip, where wheels and tyres can drive its promised part."""
+    curvature, speeds_mps = way.path.curvature_per_m, way.speed_mps
+    aside_mps2 = speeds_mps * speeds_mps * curvature
+    if (np.abs(aside_mps2[:within]) > GRIP_SPARE * car.grip_mps2).any():
+        return Unbelievable(NO_GRIP)
+    wheel_rad = np.concatenate([[car.wheel_rad], np.arctan(car.wheelbase_m * curvature[:within])])
+    turned_rad = car.rate_radps * STEP_M / np.maximum(speeds_mps[:within], MIN_SLEW_SPEED_MPS)
+    turned_rad = np.concatenate([[0.0], turned_rad.cumsum()])
+    most_rad = np.minimum.accumulate(wheel_rad - turned_rad) + turned_rad  # by the servo's rate, from any place before
+    least_rad = np.maximum.accumulate(wheel_rad + turned_rad) - turned_rad
+    beyond = np.abs(wheel_rad).max() > car.most_rad + WHEEL_SPARE_RAD
+    if beyond or (wheel_rad > most_rad + WHEEL_SPARE_RAD).any() or (wheel_rad < least_rad - WHEEL_SPARE_RAD).any():
+        return Unbelievable(CANNOT_STEER)
+    slip_rad = np.clip(aside_mps2, -car.grip_mps2, car.grip_mps2) * car.slip_rad_per_mps2
+    path = AxlePath(way.path.travel_m, way.path.place_m, way.course * np.exp(1j * slip_rad), curvature)
+    return PromisedWay(path, way.course, speeds_mps, way.promised_m)

@@ -1,0 +1,215 @@
+"""A promised path is judged in place of the arc, if it is believed; no source is trusted."""
+
+import math
+from functools import partial
+
+import numpy as np
+import pytest
+
+from tests.runtime.control.safety.promise_scenes import (
+    BESIDE,
+    OPEN,
+    PERIOD_S,
+    SPEED_MPS,
+    Promising,
+    by_arc,
+    promise_of,
+)
+from tests.runtime.control.safety.swept_scenes import wall_at, world
+from wallride.runtime.arbitration.promise import Promise
+from wallride.runtime.control.safety import promise_judgement, promise_record, promised_way
+from wallride.runtime.control.safety.promise_record import LEAST_MARGIN_M, NO_PROMISES
+
+
+def judged(car, ranges_m, promise, **command):
+    """Return the verdict with a promise and the one without, of one scan."""
+    assessment = car.see(ranges_m)
+    plain = by_arc(assessment, car.guard.memory, SPEED_MPS, command.get("steering_rad", car.wheel_rad))
+    return car.told(assessment, promise(car.now_s), **command), plain
+
+
+def changed(path=lambda path_m: path_m, speed=lambda speed_mps: speed_mps, margin_m=0.02, at_s=0.0):
+    """Return how the honest promise is changed."""
+
+    def made(stamp_s):
+        honest = promise_of(stamp_s)
+        return Promise(path(honest.path_m.copy()), speed(honest.speed_mps.copy()), margin_m, stamp_s + at_s)
+
+    return made
+
+
+def set_to(number, index):
+    def made(values):
+        values[index] = number
+        return values
+
+    return made
+
+
+def test_a_kept_promise_is_judged_in_place_of_the_arc():
+    car = Promising()
+    promised, plain = judged(car, BESIDE, promise_of)
+    assert plain.forward_mps < SPEED_MPS - 0.1
+    assert plain.reason.startswith(("slower: wall", "braking"))
+    assert promised.forward_mps >= SPEED_MPS
+    assert not car.record.reason
+
+
+def test_a_source_is_judged_by_its_arc_until_it_has_kept_promises():
+    for scans in (0, 1, 12, 18):
+        promised, plain = judged(Promising(scans), BESIDE, promise_of)
+        assert promised == plain
+
+
+def test_without_a_promise_nothing_is_remembered():
+    car = Promising()
+    judged(car, OPEN, lambda _: None)
+    assert car.record is NO_PROMISES
+
+
+HOSTILE = {
+    "not a number": (changed(set_to(math.nan, (0, 20))), promised_way.NO_NUMBERS),
+    "infinite": (changed(set_to(math.inf, (1, 3))), promised_way.NO_NUMBERS),
+    "no speed": (changed(speed=set_to(math.nan, 5)), promised_way.NO_NUMBERS),
+    "backward": (changed(speed=set_to(-1.0, 5)), promised_way.NO_NUMBERS),
+    "no margin": (changed(margin_m=math.nan), promised_way.NO_NUMBERS),
+    "negative margin": (changed(margin_m=-0.1), promised_way.NO_NUMBERS),
+    "empty": (changed(lambda path_m: path_m[:, :0], lambda speed_mps: speed_mps[:0]), promised_way.NO_NUMBERS),
+    "one point": (changed(lambda path_m: path_m[:, :1], lambda speed_mps: speed_mps[:1]), promised_way.NO_NUMBERS),
+    "other shape": (changed(lambda path_m: path_m.T), promised_way.NO_NUMBERS),
+    "words": (changed(lambda _: "straight on"), promised_way.NO_NUMBERS),
+    "nothing": (changed(lambda _: None), promised_way.NO_NUMBERS),
+    "too many": (
+        changed(lambda path_m: np.tile(path_m, 99), lambda speed: np.tile(speed, 99)),
+        promised_way.NO_NUMBERS,
+    ),
+    "too short": (changed(lambda path_m: path_m[:, :9], lambda speed_mps: speed_mps[:9]), promised_way.TOO_SHORT),
+    "of another scan": (changed(at_s=-9.0), promise_judgement.OTHER_SCAN),
+    "to come": (changed(at_s=0.5), promise_judgement.OTHER_SCAN),
+    "elsewhere": (changed(lambda path_m: path_m + 1.0), promise_record.TAKEN_BACK),
+    "turned": (changed(lambda path_m: path_m[::-1]), promise_record.TAKEN_BACK),
+    "standing": (changed(np.zeros_like), promised_way.GAPS),
+    "with gaps": (changed(lambda path_m: path_m[:, ::8], lambda speed_mps: speed_mps[::8]), promised_way.GAPS),
+}
+
+
+@pytest.mark.parametrize(("promise", "reason"), HOSTILE.values(), ids=HOSTILE)
+def test_what_is_no_path_is_judged_by_the_arc_at_once(promise, reason):
+    car = Promising()
+    refused = car.record.refused
+    promised, plain = judged(car, BESIDE, promise)
+    assert promised == plain
+    assert (car.record.reason, car.record.refused) == (reason, refused + 1)
+    assert car.guard.words == (f"the promised path is not believed: {reason} ({refused + 1} times)",)
+
+
+def test_random_promises_never_raise_and_never_allow_more_than_both_judgements():
+    rng = np.random.default_rng(46)
+    for _ in range(150):
+        car = Promising(24)
+        count = int(rng.integers(0, 40))
+        path_m = np.cumsum(rng.normal(0.1, rng.choice((0.0, 0.02, 1.0)), (2, count)), axis=1)
+        path_m = np.where(rng.random(path_m.shape) < 0.02, rng.choice((math.nan, math.inf, 1e300)), path_m)
+        promised, plain = judged(car, BESIDE, partial(Promise, path_m, rng.normal(2, 2, count), 0.1))
+        assert promised == plain
+
+
+def test_a_command_that_leads_elsewhere_is_judged_by_its_arc():
+    car = Promising()
+    promised, plain = judged(car, BESIDE, promise_of, steering_rad=-0.34)
+    assert car.record.reason == promise_judgement.OTHER_COMMAND
+    assert promised == plain
+
+
+def test_a_command_that_is_faster_than_promised_is_judged_by_its_arc():
+    car = Promising()
+    assessment = car.see(BESIDE)
+    plain = by_arc(assessment, car.guard.memory, 5.0, car.wheel_rad)
+    assert car.told(assessment, promise_of(car.now_s), speed_mps=5.0) == plain
+    assert car.record.reason == promise_judgement.TOO_FAST
+
+
+def test_a_source_that_leaves_its_path_is_judged_by_its_arc_until_it_has_kept_others():
+    car = Promising()
+    straight = 0.0
+    for number in range(14):
+        before = car.record
+        car.drive(OPEN, 2.0 - number * PERIOD_S * SPEED_MPS, wheel_rad=straight)
+        if car.record.reason:
+            break
+    assert before.refused == 0
+    assert car.record.reason in {promise_record.LEFT, promise_record.TAKEN_BACK}
+    for number in range(15):
+        promised, plain = judged(car, BESIDE, lambda stamp_s, n=number: promise_of(stamp_s, 2.0 - n * 0.075))
+        assert promised == plain
+
+
+def test_a_turn_that_is_put_off_again_and_again_is_no_promise():
+    car, taken_back = Promising(), 0
+    for _ in range(20):
+        car.drive(OPEN, 1.5)
+        taken_back += car.record.reason == promise_record.TAKEN_BACK
+    assert taken_back >= 1
+    promised, plain = judged(car, BESIDE, lambda stamp_s: promise_of(stamp_s, 1.5))
+    assert promised == plain
+
+
+def test_paths_that_alternate_are_no_promise():
+    car = Promising()
+    for number in range(8):
+        car.drive(OPEN, 3.0 * (number % 2))
+        assert not car.record.trusts(car.record.here) or number == 0
+    assert car.record.reason == promise_record.TAKEN_BACK
+
+
+def test_after_locked_wheels_the_odometry_tells_nothing_of_a_promise():
+    car = Promising()
+    car.drive(OPEN, 0.2, speed_mps=0.0)
+    car.drive(OPEN, 0.1, speed_mps=0.0)
+    assert car.record.reason == promise_judgement.SLID
+
+
+def test_a_promise_through_a_wall_stops_the_car_before_the_wall():
+    for ahead_m in (0.9, 1.3, 2.0, 3.0):
+        car = Promising(bend_per_m=0.001)
+        assessment = car.see(world(wall_at(ahead_m)))
+        plain = by_arc(assessment, car.guard.memory, SPEED_MPS, car.wheel_rad)
+        promised = car.told(assessment, promise_of(car.now_s, bend_per_m=0.001))
+        assert promised.forward_mps <= plain.forward_mps + 0.05
+
+
+def test_room_for_a_full_brake_bounds_the_speed_of_a_promise_that_turns_away():
+    car = Promising(ends_m=1.0)
+    verdict = car.told(car.see(world((1.15, -1.0, 1.15, -0.1))), promise_of(car.now_s, 1.0))
+    assert not car.record.reason
+    assert verdict.reason == "slower: a full brake needs the room"
+    assert 1.0 < verdict.forward_mps < SPEED_MPS
+
+
+def test_a_full_brake_that_would_hit_hard_is_no_promise():
+    car = Promising(ends_m=1.0)
+    car.told(car.see(world((0.62, -1.0, 0.62, -0.1))), promise_of(car.now_s, 1.0))
+    assert car.record.reason == promise_judgement.NO_BRAKING
+
+
+def test_what_hides_the_path_bounds_the_speed():
+    for pillar, hidden in ((world((0.75, 0.9, 1.3, 0.75)), True), (OPEN, False)):
+        car = Promising(ends_m=3.0)
+        verdict = car.told(car.see(pillar), promise_of(car.now_s, 3.0), speed_mps=3.4)
+        assert not car.record.reason
+        assert (verdict.reason == promise_judgement.HIDDEN) == hidden
+
+
+def test_the_margin_is_what_the_source_has_kept_and_never_less_than_the_laws_own():
+    car = Promising()
+    assert car.record.given[-1].margin_m == LEAST_MARGIN_M
+    assert car.record._replace(off_m=0.2).margin_m(0.0) > 0.2
+    assert car.record.margin_m(0.3) == 0.3
+
+
+def test_what_is_beside_the_path_is_swept_with_the_margin():
+    for margin_m, free in ((0.02, True), (0.3, False)):
+        car = Promising(bend_per_m=0.001)
+        beside = world((1.0, 0.3, 6.0, 0.3))
+        verdict = car.told(car.see(beside), promise_of(car.now_s, bend_per_m=0.001, margin_m=margin_m))
+        assert (verdict.forward_mps >= SPEED_MPS) == free
