@@ -14,13 +14,14 @@ from typing import Any, Final
 import numpy as np
 
 from wallride.drivers.api import Drive, MotorState, Scan
-from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.guidance import Guidance, Promise
 from wallride.runtime.control.line_following import line_law
 from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.line_following.joining import way_is_free
 from wallride.runtime.control.line_following.lap_memory import BuildUp, HeldBack, LapMemory
 from wallride.runtime.control.line_following.line_law import Moving
 from wallride.runtime.control.line_following.line_settings import LineFollowSettings
+from wallride.runtime.control.line_following.promising import Promises, Return, way_ahead
 from wallride.runtime.control.line_following.race_line import CourseLine, OnLine
 from wallride.runtime.control.line_following.trim import SteeringTrim
 from wallride.runtime.control.line_following.tyres import Tyres
@@ -59,6 +60,7 @@ class LineFollower:
         self._build_up = BuildUp(settings.first_lap_share, settings.faster_each_lap)
         self._held = HeldBack(car.max_acceleration_mps2)
         self._trim = SteeringTrim()
+        self._promises = Promises()
         self._told_rad = 0.0
         self._stamp_s = math.nan
         self._on: OnLine | None = None
@@ -120,7 +122,23 @@ class LineFollower:
         self._trim.learn(now, motor.steering_rad, since_s, tyres)
         if reason := self._unfit(now, line, course, tyres):
             return self._by_wall(by_wall, reason)
-        return self._along(scan, now, line, tyres, pose.scale)
+        guidance = self._along(scan, now, line, tyres, pose.scale)
+        return replace(guidance, promise=self._promise(scan.stamp_s, since_s, now, line, tyres, pose.scale))
+
+    def _promise(
+        self, stamp_s: float, since_s: float, now: Moving, line: CourseLine, tyres: Tyres, scale: float
+    ) -> Promise | None:
+        """Return the way back to the line and along it; none while it joins."""
+        on = self._on
+        if on is None or not self._joined:
+            self._promises.begin()
+            return None
+        course_rad = now.yaw_rad - tyres.rear_slip_rad(now.speed_mps * now.turn_radps)
+        back = Return.of(on, course_rad, now.speed_mps)
+        self._promises.check(back, line.length_m, since_s)
+        places, speeds_mps = way_ahead(line, back, (now.place_m, now.yaw_rad), now.speed_mps)
+        path_m = np.array([places.real, places.imag])
+        return Promise(path_m, self._build_up.share * speeds_mps / scale, self._promises.margin_m, stamp_s)
 
     def _unfit(self, now: Moving, line: CourseLine, course: RaceCourse, tyres: Tyres) -> str:
         """Note where the car is on the line; return why it cannot drive it, "" where it can."""

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tests.runtime.control.line_following.lines import round_the_block
@@ -52,6 +53,19 @@ def test_on_the_line_it_drives_the_line(room):
     assert abs(last.angle_rad) < 0.02
     assert one.path_m is not None
     assert one.path_m[0, -1] > 3.0
+
+
+def test_on_the_line_it_promises_it_and_elsewhere_nothing(room):
+    one = follower(room[1], first_lap_share=0.5)
+    on_it = answers(one, room[0], (2.0, 0.05, 0.0), speed_mps=1.5)[-1]
+    assert on_it.promise.path_m[:, 0].tolist() == [0.0, 0.0]
+    assert on_it.promise.path_m[0, -1] > 2.0
+    assert on_it.promise.path_m[1, -1] == pytest.approx(-0.05, abs=0.03)
+    assert on_it.promise.speed_mps == pytest.approx(np.full(on_it.promise.speed_mps.shape, 1.5), abs=0.01)
+    assert on_it.promise.stamp_s == 0.025 * 5
+    beside = answers(follower(room[1]), room[0], (2.0, -0.45, 0.0))[-1]
+    assert (beside.reason, beside.promise) == (line_follower.JOINS, None)
+    assert answers(follower(None), room[0], (2.0, 0.0, 0.0))[-1].promise is None
 
 
 def test_the_first_lap_is_slower_and_the_speed_has_its_bound(room):

@@ -1,0 +1,72 @@
+"""What `line` promises is what it then drives, and a promise that was missed widens the next ones."""
+
+import cmath
+import math
+
+import numpy as np
+import pytest
+
+from tests.runtime.control.line_following.lines import circle
+from tests.runtime.control.line_following.test_line_law import TYRES, WIDE, beside
+from wallride.runtime.control.line_following import promising
+from wallride.runtime.control.line_following.line_law import steering_rad
+from wallride.runtime.control.line_following.promising import Promises, Return, way_ahead
+
+STEP_S = 0.025
+
+
+def course_rad(car):
+    return car.yaw_rad - TYRES.rear_slip_rad(car.speed_mps * car.turn_radps)
+
+
+def test_points_speeds_and_directions_ahead_go_round_the_seam():
+    line = circle(radius_m=3.0)
+    ways_m = np.arange(0.0, 25.0, 0.5)
+    places, directions, speeds = line.ahead(line.length_m - 1.0, ways_m)
+    assert np.abs(places) == pytest.approx(np.full(50, 3.0), abs=0.001)
+    assert places == pytest.approx([line.place_at(line.length_m - 1.0 + way_m) for way_m in ways_m])
+    assert directions == pytest.approx(1j * places / np.abs(places), abs=0.01)
+    assert set(speeds) == {2.0}
+
+
+@pytest.mark.parametrize("speed", [1.5, 3.0, 5.0])
+@pytest.mark.parametrize(("aside_m", "off_rad"), [(0.0, 0.0), (0.2, 0.0), (-0.15, 0.1)])
+def test_the_promised_way_is_driven(speed, aside_m, off_rad):
+    car = beside(aside_m=aside_m, off_rad=off_rad, speed=speed)
+    on = WIDE.nearest(car.place_m)
+    places, speeds = way_ahead(WIDE, Return.of(on, course_rad(car), speed), (car.place_m, car.yaw_rad), speed)
+    assert places[0] == 0j
+    assert set(speeds) == {4.0}
+    assert abs(places[-1]) > speed**2 / 6.0
+    promised = car.place_m + places * cmath.exp(1j * car.yaw_rad)
+    told_rad = 0.0
+    for _ in range(60):
+        then = car.later(0.045, told_rad, TYRES)
+        told_rad = steering_rad(then, WIDE, WIDE.nearest(then.place_m), TYRES)
+        car = car.later(STEP_S, told_rad, TYRES)
+        chords = np.diff(promised)
+        share = np.clip(((car.place_m - promised[:-1]) * chords.conj()).real / np.abs(chords) ** 2, 0.0, 1.0)
+        assert np.abs(promised[:-1] + share * chords - car.place_m).min() < 0.08
+
+
+def test_a_promise_that_was_missed_widens_the_next_ones_for_a_while():
+    made = Promises()
+    for k in range(100):
+        made.check(Return(0.1 * k, 0.0, 0.0, 1.0), 40.0, STEP_S)
+    assert made.margin_m < promising.FIRST_MARGIN_M
+    for k in range(100, 140):
+        made.check(Return((0.1 * k) % 40.0, 0.25 if k >= 120 else 0.0, 0.0, 1.0), 40.0, STEP_S)
+    assert made.margin_m == pytest.approx(0.25, abs=0.02)
+    for k in range(140, 2000):
+        made.check(Return((0.1 * k) % 40.0, 0.0, 0.0, 1.0), 40.0, STEP_S)
+    assert made.margin_m < 0.06
+
+
+def test_a_new_beginning_is_no_missed_promise():
+    made = Promises()
+    for k in range(30):
+        made.check(Return(0.1 * k, 0.0, 0.0, 1.0), 40.0, STEP_S)
+    made.begin()
+    made.check(Return(20.0, 0.4, 0.0, 1.0), 40.0, STEP_S)
+    assert made.margin_m < promising.FIRST_MARGIN_M
+    assert math.isfinite(made.margin_m)
