@@ -20,7 +20,7 @@ SLOW: Final = (
     "system/test_poor_link.py", "system/test_process.py", "system/test_scenario.py", "system/test_sim_fleet.py",
     "system/test_ros2_receiver.py", "system/test_turning_lidars.py",
     "system/test_uplink.py", "system/test_walls.py", "system/test_ways_out.py", "wallride/deploy/test_over_ssh.py",
-    "wallride/doctor/test_command.py", "wallride/doctor/test_planted_in_the_devices.py", "wallride/test_cli.py",
+    "wallride/doctor/test_command.py", "wallride/test_cli.py",
     "wallride/test_install.py", "wallride/test_one_package.py", "wallride/vesc/test_command.py",
     # hundreds of drives or searches: the lab's experiments and what they are made of
     "benchmarks/test_corners.py", "benchmarks/test_recordings.py", "benchmarks/test_simulator.py",

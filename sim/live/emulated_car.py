@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from wallride.drivers.api import Clock
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.ending import end
 from wallride.runtime.realtime.periodic import PeriodicTimer
@@ -60,7 +61,11 @@ class EmulatedCar:
     wiring: the true gains of this car. A car that hit something is put back to its start.
     """
 
-    def __init__(self, scene: WorldScene, vehicle: Vehicle, wiring: VescSettings, ports: EmulatedPorts) -> None:
+    def __init__(
+        self, scene: WorldScene, vehicle: Vehicle, wiring: VescSettings, ports: EmulatedPorts, *,
+        clock: Clock = time.monotonic,
+    ) -> None:  # fmt: skip
+        self._clock = clock
         self._scene = scene
         self._vehicle = vehicle
         self._wiring = wiring
@@ -68,20 +73,22 @@ class EmulatedCar:
         self.lidars: list[ScipEmulator] = []
         self.held_up = HeldUp()
         self.tell_held_up: Callable[[str], object] = lambda _words: None
-        self.vesc = VescEmulator(ports.folder / VESC, timeout_s=ports.timeout_s, timeout_brake_a=ports.brake_a)
+        self.vesc = VescEmulator(
+            ports.folder / VESC, clock=clock, timeout_s=ports.timeout_s, timeout_brake_a=ports.brake_a
+        )
 
     async def keep(self, duration_s: float, stop: StopRequest, tell: Callable[[DeviceAddresses], None]) -> None:
         """Run until the time or `stop` ends it; `tell` gets the addresses. SessionError where a port is taken."""
-        start, begin_s = self._vehicle.pose, time.monotonic()
+        start, begin_s = self._vehicle.pose, self._clock()
         async with AsyncExitStack() as stack:
             addresses = await self._open(stack)
             plant = Plant(self._vehicle, self.vesc, self._wiring, begin_s)
-            timer = PeriodicTimer(time.monotonic)
-            timer.every(STEP_S, lambda late_s, _missed: self._step(plant, time.monotonic() - begin_s, late_s))
+            timer = PeriodicTimer(self._clock)
+            timer.every(STEP_S, lambda late_s, _missed: self._step(plant, self._clock() - begin_s, late_s))
             timer.every(AGAIN_S, lambda _late_s, _missed: plant.put_back(start))
             going_on = asyncio.create_task(timer.run(), name="world")
             tell(addresses)
-            while time.monotonic() - begin_s < duration_s and not stop.asked:
+            while self._clock() - begin_s < duration_s and not stop.asked:
                 if going_on.done():
                     going_on.result()
                 await asyncio.sleep(STEP_S)
@@ -106,7 +113,7 @@ class EmulatedCar:
         return DeviceAddresses(tuple(found), f"serial://{ports.folder / VESC}")
 
     def _lidar(self, stack: AsyncExitStack) -> ScipEmulator:
-        lidar = ScipEmulator(self._scene.model)
+        lidar = ScipEmulator(self._scene.model, clock=self._clock)
         stack.callback(lidar.close)
         self.lidars.append(lidar)
         return lidar
@@ -114,7 +121,7 @@ class EmulatedCar:
     def _step(self, plant: Plant, time_s: float, late_s: float) -> None:
         if self.held_up.note(late_s):
             self.tell_held_up(self.held_up.words)
-        plant.advance(time.monotonic())
+        plant.advance(self._clock())
         if self._scene.step(time_s, self._vehicle):
             plant.crash()
         while (due := self._scene.scan(time_s, self._vehicle)) is not None:

@@ -1,7 +1,6 @@
 """Direction, brake and timeout by measurement, with the wheels in the air: the only check that moves anything."""
 
 import asyncio
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -55,7 +54,7 @@ class Spin:
 
 async def measure_wheels_up(settings: VescSettings, ask: Ask) -> list[Finding]:
     """Turn the wheels forward, fall silent, then brake; the questions are about what only a person sees."""
-    motor = Vesc(settings)
+    motor = Vesc(settings, clock=_now_s)
     running = asyncio.create_task(motor.run())
     try:
         await _connected(motor)
@@ -76,8 +75,8 @@ async def _spin(motor: Vesc) -> Spin:
     spin, begin_m = Spin(), _state(motor).distance_m
     spin.speed_mps = await _hold(motor, Drive(SPEED_MPS, 0.0), SPIN_UP_S)
     spin.distance_m, spin.fault = _state(motor).distance_m - begin_m, _state(motor).fault
-    silent_s = time.monotonic()
-    while (now_s := time.monotonic()) - silent_s < STOPS_WITHIN_S and spin.stopped_s is None:
+    silent_s = _now_s()
+    while (now_s := _now_s()) - silent_s < STOPS_WITHIN_S and spin.stopped_s is None:
         if (state := motor.state) is not None:
             slower = abs(state.speed_mps) < abs(spin.speed_mps) - SLOWER_MPS
             if spin.timeout_s is None and (state.timed_out or slower):
@@ -119,10 +118,10 @@ def _after_silence(spin: Spin) -> list[Finding]:
 
 async def _brake(motor: Vesc) -> Finding:
     await _hold(motor, Drive(SPEED_MPS, 0.0), SPIN_UP_S)
-    begin_s = time.monotonic()
-    while abs(_state(motor).speed_mps) > STANDING_MPS and time.monotonic() - begin_s < STOPS_WITHIN_S:
+    begin_s = _now_s()
+    while abs(_state(motor).speed_mps) > STANDING_MPS and _now_s() - begin_s < STOPS_WITHIN_S:
         await _hold(motor, Drive(0.0, 0.0), SEND_S)
-    took_s = time.monotonic() - begin_s
+    took_s = _now_s() - begin_s
     if abs(_state(motor).speed_mps) > STANDING_MPS:
         return fail("brake", f"the wheels turn {STOPS_WITHIN_S:g} s after a stop", "check the motor detection, and the "
                     "motor's brake current limit in VESC Tool")  # fmt: skip
@@ -151,8 +150,8 @@ async def _asked(ask: Ask, question: str) -> bool | None:
 
 async def _hold(motor: Vesc, drive: Drive, duration_s: float) -> float:
     """Send a command for a while; return the reported speed that was farthest from 0."""
-    until_s, peak_mps = time.monotonic() + duration_s, 0.0
-    while time.monotonic() < until_s:
+    until_s, peak_mps = _now_s() + duration_s, 0.0
+    while _now_s() < until_s:
         motor.send(drive)
         await asyncio.sleep(SEND_S)
         peak_mps = max(peak_mps, _state(motor).speed_mps, key=abs)
@@ -164,6 +163,10 @@ async def _connected(motor: Vesc) -> None:
         if motor.state is not None:
             return
         await asyncio.sleep(SEND_S)
+
+
+def _now_s() -> float:
+    return asyncio.get_running_loop().time()
 
 
 def _state(motor: Vesc) -> MotorState:

@@ -26,7 +26,8 @@ def car(folder, *, lidar=None, world="corridor", **changes):
     ports = {"tcp_port": 0, "serial_lidar": True, "timeout_s": 0.15, "brake_a": 10.0} | changes
     scene = WorldScene(place, "left", lidar or LidarSettings(), None, 0)
     vehicle = Vehicle(VehicleSettings(), place.start)
-    return EmulatedCar(scene, vehicle, VescSettings(), EmulatedPorts(folder, **ports))
+    clock = asyncio.get_running_loop().time
+    return EmulatedCar(scene, vehicle, VescSettings(), EmulatedPorts(folder, **ports), clock=clock)
 
 
 @asynccontextmanager

@@ -1,5 +1,6 @@
 """Problems planted in emulated devices, which the doctor opens: each is found, and the remedy is named."""
 
+import asyncio
 import time
 from collections import deque
 from functools import partial
@@ -186,13 +187,6 @@ async def test_without_wheels_up_no_command_moves_the_motor(tmp_path):
     assert one.vesc.servo == 0.5, "and the servo is not moved"
 
 
-@pytest.fixture
-def quick(monkeypatch):
-    """Spin and steer for a shorter time."""
-    monkeypatch.setattr("wallride.doctor.wheels_up.SPIN_UP_S", 0.8)
-    monkeypatch.setattr("wallride.doctor.wheels_up.STEER_S", 0.1)
-
-
 def patient(addresses):
     """Return settings whose link outlasts the pauses of a busy computer."""
     return settings(f"motor.address={addresses.motor}", "motor.lost_after_s=0.6")
@@ -206,7 +200,7 @@ async def wheels_up(tmp_path, plant=None, ask=lambda _question: True, **changes)
         return await measure_wheels_up(patient(addresses).motor, ask)
 
 
-async def test_wheels_up_measures_a_healthy_car(tmp_path, quick):
+async def test_wheels_up_measures_a_healthy_car(tmp_path):
     found = await wheels_up(tmp_path, timeout_s=0.1)
     assert bad(found) == {}
     assert [one.subject for one in found] == [
@@ -214,15 +208,22 @@ async def test_wheels_up_measures_a_healthy_car(tmp_path, quick):
     ]  # fmt: skip
 
 
-async def test_a_person_who_thinks_does_not_cost_the_link(tmp_path, quick):
+def test_a_person_who_thinks_does_not_cost_the_link(tmp_path, monkeypatch):
+    """In real time, which alone goes on while a person thinks."""
+    monkeypatch.setattr("wallride.doctor.wheels_up.SPIN_UP_S", 0.8)
+    monkeypatch.setattr("wallride.doctor.wheels_up.STEER_S", 0.1)
+
     def think(_question):
         time.sleep(1.2)  # longer than a link may be silent
         return True
 
-    one = car(tmp_path / "ports", timeout_s=0.1)
-    async with running(one) as addresses:
-        found = await measure_wheels_up(patient(addresses).motor, think)
-        asked = [payload for _, payload in one.vesc.wire if payload[0] == 0]
+    async def measured():
+        one = car(tmp_path / "ports", timeout_s=0.1)
+        async with running(one) as addresses:
+            found = await measure_wheels_up(patient(addresses).motor, think)
+            return found, [payload for _, payload in one.vesc.wire if payload[0] == 0]
+
+    found, asked = asyncio.run(measured())
     assert bad(found) == {}
     assert len(asked) == 1, "one connection"
 
@@ -239,14 +240,14 @@ async def test_a_person_who_thinks_does_not_cost_the_link(tmp_path, quick):
         (None, "turn", {}, "steering", "Enable the servo output"),
     ],
 )
-async def test_wheels_up_finds_what_only_motion_shows(plant, ask, changes, subject, remedy, tmp_path, quick):
+async def test_wheels_up_finds_what_only_motion_shows(plant, ask, changes, subject, remedy, tmp_path):
     answers = (lambda question: ask in question) if isinstance(ask, str) else (lambda _question: ask)
     found = bad(await wheels_up(tmp_path, plant, answers, **changes))
     assert found[subject].level is Level.FAIL, found
     assert remedy.lower() in found[subject].remedy.lower()
 
 
-async def test_wheels_up_leaves_the_car_standing(tmp_path, quick):
+async def test_wheels_up_leaves_the_car_standing(tmp_path):
     one = car(tmp_path / "ports")
     async with running(one) as addresses:
         await measure_wheels_up(patient(addresses).motor, lambda _question: None)
