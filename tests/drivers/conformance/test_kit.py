@@ -117,8 +117,7 @@ def fails(test, kit, bench):
         (Swallows, "test_an_error_of_the_car_is_not_swallowed"),
     ],
 )
-def test_a_flaw_of_a_lidars_driver_is_caught(flawed, test, monkeypatch):
-    monkeypatch.setattr("wallride.drivers.conformance.lidar.PATIENCE_S", 3.0)
+def test_a_flaw_of_a_lidars_driver_is_caught(flawed, test):
     made = []
 
     class Noted(flawed):  # type: ignore[valid-type]

@@ -63,9 +63,7 @@ def test_a_map_without_walls_and_one_too_large_are_told():
     empty = np.zeros((40, 40), dtype=bool)
     with pytest.raises(ValueError, match="no wall that borders on free cells"):
         field_of_cells(MapCells(empty, ~empty, CELL_M, 0j))
-    wall = np.zeros((2, 9000), dtype=bool)
-    wall[0, [0, -1]] = True
+    walls = np.zeros((300, 700), dtype=bool)
+    walls[[0, 0, -1], [0, -1, 0]] = True
     with pytest.raises(ValueError, match="is too large"):
-        field_of_cells(
-            MapCells(np.kron(wall, np.ones((3000, 1), bool)), np.kron(~wall, np.ones((3000, 1), bool)), 0.05, 0j)
-        )
+        field_of_cells(MapCells(walls, ~walls, 0.5, 0j))
