@@ -130,7 +130,7 @@ def mutants(target: Target) -> Iterator[Mutant]:
             twin = next(found for at, found in enumerate(ast.walk(changed)) if at == number)
             _changes(twin)[index][1]()
             line = getattr(node, "lineno", 0)
-            yield Mutant(f"{path.relative_to(ROOT)} {words}", line, ast.fix_missing_locations(changed))
+            yield Mutant(f"{path.relative_to(ROOT / 'wallride')} {words}", line, ast.fix_missing_locations(changed))
 
 
 def _chosen(tree: ast.Module, functions: Sequence[str]) -> set[ast.AST]:
