@@ -20,23 +20,24 @@ from wallride.runtime.wire import zenoh_config
 from wallride.runtime.wire.bus import Bus
 
 
-async def test_the_list_names_every_topic_with_its_type_and_its_rate():
+async def told_at_once(*commands):
+    """Return what commands say that run beside each other at one car; they measure for seconds."""
     async with speaking_car() as car:
-        parsed, said = options(car, "topic", "list", "--seconds", "2")
-        assert await topics.run(parsed) == 0
+        parsed, said = zip(*(options(car, "topic", *command) for command in commands), strict=True)
+        await asyncio.gather(*map(topics.run, parsed))
+    return said
+
+
+async def test_the_list_names_every_topic_with_its_type_and_its_rate_also_as_json():
+    wanted = ("list", "--seconds", "2")
+    said, in_json = await told_at_once(wanted, (*wanted, "--json"))
     table = {line.split()[0]: line for line in said}
     assert set(table) == set(KINDS)
     assert "sensor_msgs/msg/LaserScan" in table["scan"]
     assert "kB/s" in table["scan"]
     assert float(table["odom"].split()[2]) == pytest.approx(20, abs=4)
     assert table["teleop"].endswith("silent")
-
-
-async def test_the_list_as_json_has_the_same():
-    async with speaking_car() as car:
-        parsed, said = options(car, "topic", "list", "--seconds", "2", "--json")
-        assert await topics.run(parsed) == 0
-    found = {row["topic"]: row for row in json.loads("\n".join(said))}
+    found = {row["topic"]: row for row in json.loads("\n".join(in_json))}
     assert set(found) == set(KINDS)
     assert found["scan"]["type"] == "sensor_msgs/msg/LaserScan"
     assert found["odom"]["rate_hz"] == pytest.approx(20, abs=4)
@@ -55,25 +56,21 @@ async def test_echo_says_messages_as_text_and_as_json():
     assert [json.loads(line)["output"]["reason"] for line in said] == ["wall", "wall"]
 
 
-async def test_hz_and_bw_measure_what_comes():
-    async with speaking_car() as car:
-        for action, unit in (("hz", "Hz"), ("bw", "kB/s")):
-            parsed, said = options(car, "topic", action, "scan", "--count", "2")
-            await topics.run(parsed)
-            rate, first_unit = said[-1].split()[:2]
-            assert len(said) == 2
-            assert first_unit == unit
-            assert float(rate) == pytest.approx(20 if action == "hz" else 20 * 4.384, rel=0.25)
-
-
-async def test_hz_and_bw_print_json_lines_with_both_figures():
-    async with speaking_car() as car:
-        for action in ("hz", "bw"):
-            parsed, said = options(car, "topic", action, "scan", "--count", "1", "--json")
-            await topics.run(parsed)
-            (fields,) = map(json.loads, said)
-            assert fields["topic"] == "scan"
-            assert fields["rate_hz"] == pytest.approx(20, rel=0.25)
+async def test_hz_and_bw_measure_what_comes_also_as_json_lines_with_both_figures():
+    figures = {("hz", "Hz"): 20, ("bw", "kB/s"): 20 * 4.384}
+    *texts, hz, bw = await told_at_once(
+        *((action, "scan", "--count", "2") for action, _ in figures),
+        *((action, "scan", "--count", "1", "--json") for action, _ in figures),
+    )
+    for said, ((_, unit), figure) in zip(texts, figures.items(), strict=True):
+        assert len(said) == 2
+        rate, its_unit = said[-1].split()[:2]
+        assert its_unit == unit
+        assert float(rate) == pytest.approx(figure, rel=0.25)
+    for (line,) in (hz, bw):
+        fields = json.loads(line)
+        assert fields["topic"] == "scan"
+        assert fields["rate_hz"] == pytest.approx(20, rel=0.25)
 
 
 async def test_a_topic_that_says_nothing_is_explained(monkeypatch):
