@@ -28,7 +28,7 @@ TURN_LAG_S = 0.1
 """Lag of the yaw rate after the wheels: servo, tyres and inertia."""
 FADES_S = 3.0
 """Time constant with which an error measured once is forgotten."""
-AGREES_M, AGREES_RAD, TURN_ERROR_RADPS = 0.06, 0.05, 0.3
+AGREES_M, AGREES_RAD, TURN_ERROR_RADPS = 0.06, 0.05, 0.4
 """How far a new promise may be beside an earlier one: noise of the pose, of its heading, and of the odometry's turn."""
 
 LEFT = "it left its path"

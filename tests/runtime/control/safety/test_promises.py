@@ -1,7 +1,10 @@
 """A promised path is judged in place of the arc, if it is believed; no source is trusted."""
 
 import math
+from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,9 +19,18 @@ from tests.runtime.control.safety.promise_scenes import (
     promise_of,
 )
 from tests.runtime.control.safety.swept_scenes import wall_at, world
+from wallride.drivers.api import Drive, Scan
+from wallride.runtime.arbitration.command import DriveCommand, Source, SpeedLimit, Verdict, arbitrate
 from wallride.runtime.arbitration.promise import Promise
+from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.own_laws.guard import CappedAssessment
+from wallride.runtime.control.recovery.recovering_follower import RecoveringFollower
+from wallride.runtime.control.recovery.way_out import RecoveryAdvice
 from wallride.runtime.control.safety import promise_judgement, promise_record, promised_way
 from wallride.runtime.control.safety.promise_record import LEAST_MARGIN_M, NO_PROMISES
+from wallride.runtime.live_stack import LiveStack
+from wallride.runtime.recording.decision_log import DecisionLog
+from wallride.runtime.settings.tree import load_settings
 
 
 def judged(car, ranges_m, promise, **command):
@@ -213,3 +225,107 @@ def test_what_is_beside_the_path_is_swept_with_the_margin():
         beside = world((1.0, 0.3, 6.0, 0.3))
         verdict = car.told(car.see(beside), promise_of(car.now_s, bend_per_m=0.001, margin_m=margin_m))
         assert (verdict.forward_mps >= SPEED_MPS) == free
+
+
+def way_in(car, ranges_m, promise):
+    """Return a scan's assessment and the believed way of a promise."""
+    assessment = car.see(ranges_m)
+    command, memory = (SPEED_MPS, car.wheel_rad), car.guard.memory
+    way, _ = promise_judgement.believed(
+        assessment.percept, assessment.strip, command, promise(car.now_s), memory.promises, 4.0
+    )
+    assert way is not None
+    return assessment, way
+
+
+def test_a_bend_that_needs_all_of_the_grip_bounds_the_speed_there():
+    _, way = way_in(Promising(ends_m=3.0), OPEN, lambda stamp_s: promise_of(stamp_s, 3.0, speed_mps=4.3))
+    assert way.cap_mps.size
+    assert way.cap_mps.min() == pytest.approx(math.sqrt(7.848 / 0.5), abs=0.1)
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_while_the_car_brakes_both_its_promise_and_its_arc_have_to_be_free(beside):
+    car = Promising(ends_m=0.0 if beside else 3.0)
+    ranges_m = world((0.4, 0.55, 6.0, 0.55)) if beside else OPEN
+    assessment = car.see(ranges_m)
+    far = promise_of(car.now_s, 0.0 if beside else 3.0)
+    way, record = promise_judgement.believed(
+        assessment.percept, assessment.strip, (SPEED_MPS, car.wheel_rad), far, car.guard.memory.promises, 4.0
+    )
+    assert way is not None
+    if not beside:
+        way.found = replace(way.found, travel_m=0.2)
+    braking = car.guard.memory._replace(braking=True, promises=record)
+    found = assessment._found(car.wheel_rad, 4.0, braking, way)
+    assert found.travel_m == (assessment.strip.contact(car.wheel_rad, 4.0).travel_m if beside else 0.2)
+    assert assessment._found(car.wheel_rad, 4.0, braking._replace(braking=False), way) is way.found
+
+
+def test_what_is_not_seen_bounds_a_promise_where_its_path_leads():
+    assessment, way = way_in(Promising(ends_m=3.0), OPEN, lambda stamp_s: promise_of(stamp_s, 3.0))
+    on_path_m = np.array([0.9 + 0.1j + 0.01j * number for number in range(20)])
+    nothing = np.empty(0, np.complex128)
+    unknown = SimpleNamespace(hard=on_path_m, soft=nothing, doubted=nothing, blind=False)
+    percept = replace(assessment.percept, visibility=SimpleNamespace(unknown=lambda: unknown))
+    verdict = replace(assessment, percept=percept)._unseen(SPEED_MPS, -0.34, 0.05, way)
+    assert verdict.forward_mps == 0.0
+
+
+def test_a_dark_region_where_the_promise_leads_bounds_the_speed(monkeypatch):
+    assessment, way = way_in(Promising(ends_m=3.0), OPEN, lambda stamp_s: promise_of(stamp_s, 3.0))
+    asked = []
+
+    def is_dark(_strip, toward_rad, _look_m):
+        asked.append(toward_rad)
+        return True
+
+    monkeypatch.setattr(type(assessment.strip), "is_dark", is_dark)
+    assert assessment._no_contact(0.0, 4.0, SPEED_MPS, 0.05, way).reason == "no information ahead"
+    assert asked == [way.toward_rad]
+    assert 0.2 < way.toward_rad < 0.8
+
+
+class Asked:
+    """An assessment that keeps the promise that it is asked about."""
+
+    def __init__(self):
+        self.memory, self.promises = None, []
+
+    def judge(self, _speed_mps, _steering_rad, memory, promise=None):
+        self.promises.append(promise)
+        return Verdict(math.inf, math.inf, "clear"), memory
+
+
+def test_a_promise_comes_with_its_command_to_safety():
+    promise = promise_of(1.0)
+    asked: Any = Asked()
+    word = DriveCommand(Source.NAVIGATION, Drive(1.0, 0.0), 1.0, "wall", promise=promise)
+    arbitrate([SpeedLimit(Source.SAFETY, asked, 1.0), word], frozenset(), [Source.SAFETY, Source.NAVIGATION])
+    assert asked.promises == [promise]
+    capped = CappedAssessment(asked, Verdict(1.0, 1.0, "mine"))
+    capped.judge(1.0, 0.0, asked.memory, promise)
+    assert asked.promises == [promise, promise]
+
+
+def test_a_way_out_is_driven_without_the_followers_promise():
+    promise = promise_of(1.0)
+    scan: Any = SimpleNamespace()
+    answer = Guidance(Drive(1.0, 0.0), math.nan, math.nan, math.nan, "wall", promise=promise)
+    guard: Any = SimpleNamespace(assessment=SimpleNamespace(view=SimpleNamespace(scan=scan)))
+    for backs, expected in ((Drive(-0.4, 0.0), None), (None, promise)):
+        recovery: Any = SimpleNamespace(
+            step=lambda *_, backs=backs, **__: RecoveryAdvice(backs, "looking for a way out")
+        )
+        one = RecoveringFollower(SimpleNamespace(follow=lambda *_: answer), guard, recovery)
+        assert one.follow(scan, None).promise is expected
+
+
+def test_the_promise_of_a_followers_answer_is_its_commands():
+    stack: Any = LiveStack(load_settings(None, []), DecisionLog(lambda: 0.1, 0))
+    promise = promise_of(0.1)
+    answer = Guidance(Drive(1.0, 0.0), math.nan, math.nan, math.nan, "wall", promise=promise)
+    stack.laws = SimpleNamespace(follow=lambda *_: answer)
+    stack.follow(Scan(0.1, 0.1, -1.0, 0.1, 0.02, 30.0, np.ones(20, np.float32), 0), None)
+    (word,) = stack.queue.sweep()
+    assert word.promise is promise
