@@ -61,6 +61,9 @@ $(READY): pyproject.toml constraints.txt
 	@echo "wallride: 2 of 3, packages, one line each"
 	@PIP_CONSTRAINT=$(CURDIR)/constraints.txt PIP_BUILD_CONSTRAINT=$(CURDIR)/constraints.txt \
 	  $(BIN)/python -m pip install --disable-pip-version-check --no-color -c constraints.txt -e '.[dev]'
+	@# A compiler for the hot functions, where the machine has none (90 MB).
+	@[ -n "$$CC" ] || command -v cc >/dev/null || $(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	  --no-color -c constraints.txt -e '.[compiler]' || echo "wallride: no compiler: the hot functions stay in Python"
 	@# Carries axe-core as one file for the browser tests; its own dependency, playwright, is not needed.
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps axe-playwright-python==0.1.8
 	@echo "wallride: 3 of 3, ready"

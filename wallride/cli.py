@@ -158,8 +158,8 @@ def _add_build_kernel(commands: Any) -> None:  # noqa: ANN401 - argparse has no 
     build = commands.add_parser(
         "build-kernel",
         help="compile the hot functions on this machine",
-        description="Compiles the hot functions with this machine's C compiler, into the installed package. Without "
-        "them the same functions run in Python, more slowly.",
+        description="Compiles the hot functions with this machine's C compiler, or zig's of the extra `compiler`, into "
+        "the installed package. Without them the same functions run in Python, more slowly.",
     )
     build.add_argument("--native", action="store_true", help="for this machine's processor only (-march=native)")
     build.add_argument(

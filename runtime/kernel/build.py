@@ -1,4 +1,4 @@
-"""Build of the extension module with the machine's own compiler: for a wheel, and by `wallride build-kernel`.
+"""Build of the extension module with the machine's compiler, or zig's: for a wheel, and by `wallride build-kernel`.
 
 Nothing needs it: without a compiler there is no module, and Python answers instead.
 """
@@ -8,9 +8,11 @@ import os
 import shlex
 import shutil
 import subprocess
+import sys
 import sysconfig
 import tempfile
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
@@ -24,6 +26,8 @@ FILE: Final = f"_accelerated{sysconfig.get_config_var('EXT_SUFFIX')}"
 _MAX_BUILD_S: Final = 600.0
 """Maximum duration of a compiler run: an emulated or small computer takes minutes."""
 _KEPT_CHARS: Final = 2000
+_ZIG: Final = (sys.executable, "-m", "ziglang", "cc", "-fno-sanitize=undefined")
+"""The compiler of the package index (clang and its headers): for machines without one, see the extra `compiler`."""
 
 
 class BuildError(Exception):
@@ -59,9 +63,12 @@ def _headers(root: Path) -> dict[str, str]:
 
 def _compiler() -> Sequence[str]:
     asked = shlex.split(os.environ.get("CC", "cc"))
-    if not asked or shutil.which(asked[0]) is None:
-        raise BuildError("there is no C compiler: apt install gcc python3-dev, then wallride build-kernel")
-    return asked
+    if asked and shutil.which(asked[0]) is not None:
+        return asked
+    if "CC" not in os.environ and find_spec("ziglang") is not None:
+        return _ZIG
+    remedy = f"apt install gcc python3-dev, or {sys.executable} -m pip install ziglang; then wallride build-kernel"
+    raise BuildError(f"there is no C compiler: {remedy}")
 
 
 def _numpy_headers() -> str:

@@ -1,5 +1,6 @@
 """The C functions refuse wrong arguments, are of the C and the Python that is here, and give way to an edited law."""
 
+import importlib.util
 import os
 import re
 import shutil
@@ -223,6 +224,19 @@ def test_without_a_compiler_the_build_says_what_to_install(monkeypatch, tmp_path
     with pytest.raises(BuildError, match="apt install gcc python3-dev"):
         build(ROOT, tmp_path / FILE)
     assert not list(tmp_path.iterdir())
+
+
+def test_without_a_compiler_that_of_the_package_index_is_taken(monkeypatch, tmp_path):
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    if importlib.util.find_spec("ziglang") is None:
+        with pytest.raises(BuildError, match="pip install ziglang"):
+            build(ROOT, tmp_path / FILE)
+    (tmp_path / "ziglang.py").write_text("import sys; sys.exit(f'asked for {sys.argv[1]}')")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    with pytest.raises(BuildError, match="the C compiler failed\nasked for cc"):
+        build(ROOT, tmp_path / FILE)
 
 
 def test_a_compiler_that_fails_leaves_nothing_behind(monkeypatch, tmp_path):
