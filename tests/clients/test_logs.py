@@ -66,7 +66,7 @@ class Car:
         name = self.recorder.status()["file"]
         for number in range(messages):
             self.recorder.take(
-                topics.STATUS, "", time.time(), json.dumps({"number": number, "fill": "x" * 200}).encode()
+                topics.STATUS, "", time.monotonic(), json.dumps({"number": number, "fill": "x" * 200}).encode()
             )
         assert (await self.run("record", "stop"))[0] == 0
         return name
@@ -139,7 +139,7 @@ async def test_a_file_that_is_still_written_comes_as_far_as_it_is_and_whole(tmp_
     async with Car(tmp_path / "car") as car:
         await car.run("record", "start")
         for number in range(2000):
-            car.recorder.take(topics.STATUS, "", time.time(), b'{"number":%d}' % number)
+            car.recorder.take(topics.STATUS, "", time.monotonic(), b'{"number":%d}' % number)
         told = ""
         async with asyncio.timeout(30):
             while not re.search(r"/status +std_msgs/msg/String +2000 ", told):  # it reaches the disk twice a second
