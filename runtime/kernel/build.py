@@ -26,7 +26,7 @@ FILE: Final = f"_accelerated{sysconfig.get_config_var('EXT_SUFFIX')}"
 _MAX_BUILD_S: Final = 600.0
 """Maximum duration of a compiler run: an emulated or small computer takes minutes."""
 _KEPT_CHARS: Final = 2000
-_ZIG: Final = (sys.executable, "-m", "ziglang", "cc", "-fno-sanitize=undefined")
+_ZIG: Final = (sys.executable, "-m", "ziglang", "cc", "-fno-sanitize=undefined", "-s")
 """The compiler of the package index (clang and its headers): for machines without one, see the extra `compiler`."""
 
 
