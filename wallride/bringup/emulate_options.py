@@ -19,7 +19,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         description="Keeps an emulated lidar and motor controller running, under names that stay, in a world in which"
         " the car drives. Writes a settings file for `wallride doctor`, `run` and all other commands.",
     )
-    parser.set_defaults(run=run, laps=None, config_variable=CONFIG_VARIABLE)
+    parser.set_defaults(run=run, laps=None, race=None, config_variable=CONFIG_VARIABLE)
     parser.add_argument("world", nargs="?", default="corridor", help="a built-in world or a ROS map .yaml")
     add_set(parser)
     parser.add_argument(
