@@ -31,8 +31,8 @@ AIMS: Final[tuple[Aim, ...]] = ((False, 0.0), (False, 0.05), (True, 0.0))
 or by n'' - k^2 n, as differences at a fixed spacing have it, which favours shorter lines; and the weight of the squared
 length beside the squared curvature."""
 STEP_M: Final = 0.1
-TURN_RESERVE: Final = 0.95
-"""Share of the car's tightest curvature that a line may use: the follower needs the rest to correct."""
+TURN_RESERVE: Final = 0.85
+"""Share of the car's tightest curvature that a line may use: slip of the tyres, trim and corrections need the rest."""
 OUTSIDE_COST: Final = 1e4
 """Cost of the square of an offset outside its bounds [1/m4]: a centimetre costs as much as a curvature of 1/m."""
 TIGHT_COST: Final = 1e3

@@ -1,6 +1,6 @@
 """Steering and speed by a race line: feed-forward with tyres, and feedback at the pose when the answer takes effect.
 
-    k = k_line(s + 0.04 s * v + 0.05 m) - (2 z w / v) sin(heading error) - (w / v)^2 * lateral error
+    k = k_line(s + 0.06 s * v + 0.05 m) - (2 z w / v) sin(heading error) - (w / v)^2 * lateral error
     steering = atan(wheelbase * k) + front slip - rear slip - trim
 
 The heading error is that of the rear axle's way, which points outward from the car's heading by the rear slip. Sources:
@@ -15,10 +15,10 @@ from wallride.drivers.value import value
 from wallride.runtime.control.line_following.race_line import CourseLine, OnLine
 from wallride.runtime.control.line_following.tyres import Tyres
 
-FREQUENCY_RADPS, DAMPING = 5.0, 0.9
+FREQUENCY_RADPS, DAMPING = 6.0, 1.1
 SLOWEST_MPS: Final = 1.0
 """Speed for the gains below it: at a standstill they would be infinite."""
-AHEAD_S, AHEAD_M = 0.04, 0.05
+AHEAD_S, AHEAD_M = 0.06, 0.05
 """How far ahead of the car the curvature of the line is taken: the turn follows the wheels with a lag."""
 SPEED_AHEAD_S: Final = 0.10
 """How far ahead the speed is taken: the delay and lag of the motor controller."""
