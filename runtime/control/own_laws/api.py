@@ -60,7 +60,7 @@ class LawState:
     desired_speed_mps: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class LawGuidance:
     """Answer of a follower: how to drive until the next scan.
 
@@ -68,12 +68,16 @@ class LawGuidance:
         are clamped to the car's limits.
     distance_m: from the rear axle to the followed wall, for plots and the report; NaN where it is not known.
     reason: a short constant text for status and log, e.g. "gap".
+    path_m, path_mps: the way that it will drive, (2, n) in base_link from (0, 0) on, points 0.1 to 0.5 m apart, and the
+        speed at each, (n,): safety then judges that in place of the arc of steering_rad, if it is kept.
     """
 
     speed_mps: float
     steering_rad: float
     distance_m: float = math.nan
     reason: str = ""
+    path_m: Floats | None = None
+    path_mps: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,7 @@ from wallride.runtime.settings.tree import Settings, SettingsError, load_setting
 from wallride.sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
 
 __all__ = ["law_file"]
+NO_PATH = "returned path_m and path_mps that are not the numbers of (2, n) places and (n,) speeds (FILE:5)"
 ROLLING = MotorState(100.0, 1.0, 0.0, 0.1, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)
 
 
@@ -124,6 +125,9 @@ RAISES = f"{INIT}def follow(self, scan, state):\n    return Guidance(1.0, 1 / 0)
         (follow("Guidance('fast', 0.0)"), "returned speed_mps = 'fast', which is no finite number (FILE:5)"),
         (follow("Guidance(True, 0.0)"), "returned speed_mps = True, which is no finite number (FILE:5)"),
         (follow("Guidance(1.0, 0.0, None)"), "returned distance_m = NoneType, which is no number (FILE:5)"),
+        (follow("Guidance(1.0, 0.0, path_m=[[0.0, 1.0]], path_mps=[1.0, 1.0])"), NO_PATH),
+        (follow("Guidance(1.0, 0.0, path_m=[[0.0, 1.0], [0.0, 0.0]], path_mps=[1.0])"), NO_PATH),
+        (follow("Guidance(1.0, 0.0, path_m='on')"), NO_PATH),
         (follow("Guidance(1.0, 0.0, reason=3)"), "returned reason = 3, which is no text (FILE:5)"),
         (follow("(1.0, 0.0)"), "returned a tuple where a Guidance is needed (FILE:5)"),
         (follow("None"), "returned nothing where a Guidance is needed (FILE:5)"),
@@ -317,6 +321,16 @@ def test_what_cannot_be_loaded_is_said_with_file_and_line(law_file, body, senten
     said = refusal(f"wall_follow.method={name}")
     assert sentence.replace("FILE", name.replace(":Law", ".py")) in said
     assert said.startswith(f"--set: wall_follow.method = '{name}': ")
+
+
+def test_a_law_may_promise_its_path(law_file):
+    path = "path_m=[[0.0, 0.4, 0.8], [0.0, 0.0, 0.1]], path_mps=[1.0, 1.0, 0.5]"
+    car = Car(f"wall_follow.method={law_file(follow(f'Guidance(1.0, 0.0, {path})'))}")
+    car.scan()
+    (promise,) = [word.promise for word in car.stack.queue.live() if word.source is Source.NAVIGATION]
+    assert promise.path_m.tolist() == [[0.0, 0.4, 0.8], [0.0, 0.0, 0.1]]
+    assert promise.speed_mps.tolist() == [1.0, 1.0, 0.5]
+    assert promise.stamp_s == car.now_s
 
 
 def test_a_wrong_file_class_or_name_is_said_with_the_remedy(law_file, tmp_path):
