@@ -1,0 +1,64 @@
+"""What of an own law cannot be loaded, and where its file is looked for."""
+
+import pytest
+
+from tests.own_laws import INIT, STRAIGHT, law_file
+from wallride.runtime.settings.tree import SettingsError, load_settings
+
+__all__ = ["law_file"]
+
+
+def refusal(*assignments):
+    with pytest.raises(SettingsError) as caught:
+        load_settings(None, assignments, laws=True)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("body", "sentence"),
+    [
+        ("pass", "FILE:3: class Law has no method follow(self, scan, state)"),
+        (INIT + "def follow(self, scan): return None", "FILE:3: class Law: follow must take (self, scan, state)"),
+        (INIT + "async def follow(self, scan, state): ...", "FILE:3: class Law: follow must be a plain method"),
+        ("def follow(self, scan, state): ...", "FILE:3: class Law must be made from (settings, car)"),
+        ("Settings = int\n" + STRAIGHT, "FILE:3: class Law: Settings must be a class derived from wallride.laws"),
+        (
+            "class Settings(LawSettings):\n    gain: float\n" + STRAIGHT,
+            "FILE:3: class Law: its setting gain has no def",
+        ),
+        ("def follow(self, scan, state)", "FILE:4: SyntaxError: expected ':'"),
+        ("1 / 0", "FILE:4: ZeroDivisionError: division by zero"),
+        ("import nowhere_22", "FILE:4: ModuleNotFoundError: No module named 'nowhere_22'"),
+    ],
+)
+def test_what_cannot_be_loaded_is_said_with_file_and_line(law_file, body, sentence):
+    name = law_file(body)
+    said = refusal(f"wall_follow.method={name}")
+    assert sentence.replace("FILE", name.replace(":Law", ".py")) in said
+    assert said.startswith(f"--set: wall_follow.method = '{name}': ")
+
+
+def test_a_wrong_file_class_or_name_is_said_with_the_remedy(law_file, tmp_path):
+    name = law_file(STRAIGHT)
+    missing = refusal("wall_follow.method=nowhere_22:Law")
+    assert f"there is no nowhere_22.py in {tmp_path}" in missing
+    assert "process.laws_folder" in missing
+    assert "has no class Lav; did you mean Law?" in refusal(f"wall_follow.method={name[:-1]}v")
+    assert "write module:Class, for example my_laws:Follower" in refusal("wall_follow.method=my_laws.py:Law")
+    assert "input should be 'ball', 'report', 'line', 'module:Class'" in refusal("wall_follow.method=bal")
+    assert "wall_follow.own.x is not a setting" in refusal(f"wall_follow.method={name}", "wall_follow.own.x=1")
+
+
+def test_laws_are_found_beside_the_settings_file_and_in_the_folder_named(law_file, tmp_path, monkeypatch):
+    name, beside, named = law_file(STRAIGHT), tmp_path / "beside", tmp_path / "named"
+    elsewhere = tmp_path / "elsewhere"
+    for folder in (beside, named, elsewhere):
+        folder.mkdir()
+    monkeypatch.chdir(elsewhere)
+    other = law_file(STRAIGHT)
+    (tmp_path / f"{name[:-4]}.py").rename(beside / f"{name[:-4]}.py")
+    (tmp_path / f"{other[:-4]}.py").rename(named / f"{other[:-4]}.py")
+    (beside / "car.toml").write_text(f"[wall_follow]\nmethod = '{name}'\n")
+    assert load_settings(beside / "car.toml", laws=True).wall_follow.method == name
+    wanted = [f"wall_follow.method={other}", f"process.laws_folder={named}"]
+    assert load_settings(None, wanted, laws=True).wall_follow.method == other
