@@ -20,11 +20,13 @@ REFUSED: Final = 1
 
 def run(options: argparse.Namespace) -> int:
     """Write the map; RecordingError for what the user can correct."""
-    stem = _stem(options.output, options.file)
     record = read_record(options.file, options.topic)
     lap = close_lap(record)
     verdict = judge_map(record, lap, is_open=options.open)
     words = "good" if verdict.good else f"refused: {'; '.join(verdict.reasons)}"
+    stem = _stem(options.output, options.file)
+    if not verdict.good and _is_good(stem):
+        stem = stem.with_name(f"{stem.name}-refused")
     raster, path = rasterized(lap.frames, lap.poses, record.kind[1]), path_of(record, lap)
     scale = lap.car.scale if len(record.reports) else None
     files = save_map(stem, raster, path, walls_of(lap, raster), scale, f"{ABOUT}{record.name}, {words}")
@@ -70,6 +72,15 @@ def _origin(record: LapRecord) -> str:
 
 def _trim(record: LapRecord, lap: ClosedLap) -> str:
     return "" if len(record.gyro) else f"; the wheels' true angle is the reported one {lap.car.trim_rad:+.3f} rad"
+
+
+def _is_good(stem: Path) -> bool:
+    """Tell whether a good map has that name already, which a refused one does not replace."""
+    try:
+        with stem.with_name(f"{stem.name}.yaml").open(encoding="utf-8", errors="replace") as file:
+            return file.readline().rstrip().endswith(", good")
+    except OSError:
+        return False
 
 
 def _stem(output: Path | None, recording: Path) -> Path:

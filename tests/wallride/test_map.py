@@ -51,6 +51,10 @@ def test_a_piece_of_a_lap_is_refused_unless_it_is_meant(recordings, here, capsys
     assert cli.main(["map", piece]) == 1
     assert "verdict: refused: the ring is open: the drive ends" in capsys.readouterr().out
     assert (here / "piece.png").stat().st_size > 10_000
+    (here / "lab.yaml").write_text("# map by wallride of lap.mcap, good\n")
+    assert cli.main(["map", piece, "-o", "lab.yaml"]) == 1
+    assert "written: lab-refused.yaml" in capsys.readouterr().out, "a good map stays"
+    assert (here / "lab.yaml").read_text().endswith("good\n")
     assert cli.main(["map", piece, "--open", "--json", "-"]) == 0
     figures = json.loads(capsys.readouterr().out)
     assert figures["reasons"] == []
