@@ -38,7 +38,7 @@ from wallride.sim.live.screen import LiveView, address_in, operate_hint, port_no
 from wallride.sim.live.session import USAGE_ERROR, RuntimeStart, SessionError, SimulatorSession
 from wallride.sim.live.stop_request import StopRequest
 from wallride.sim.live.user_code import UserCode
-from wallride.sim.racing.race import race_figures, take_race, with_lap
+from wallride.sim.racing.race import START, race_figures, take_race, with_lap
 from wallride.sim.recordings import RecordingError, load_recording
 from wallride.sim.scenario.command import tell
 from wallride.sim.scenario.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of
@@ -294,7 +294,8 @@ def _start(options: argparse.Namespace, config: Path, settings: Settings, world:
         *([] if is_placed else ["recording.simulated=true"]),
         *([] if is_joystick_named else ["joystick.enabled=off"]),  # `wallride teleop` beside it reads this computer's
     ]
-    assignments = [*options.assignments, *chosen, f"recording.world={json.dumps(world)}"]
+    driven_in = world + START + options.pose if options.pose else world
+    assignments = [*options.assignments, *chosen, f"recording.world={json.dumps(driven_in)}"]
     return RuntimeStart(config, assignments, ["--saved", str(saved_settings(config))], settings.telemetry.listen)
 
 

@@ -19,6 +19,8 @@ from wallride.sim.world.place import World
 from wallride.sim.world.pose import Floats, Pose
 
 DEFAULT_WORLD: Final = "loop"
+START: Final = " --pose "
+"""Between world and pose in what a recording says of where it was driven."""
 SPARE: Final = 1.1
 """The car's maximum speed over the line's highest: wheels that report too much are commanded more."""
 MOVES_MPS: Final = 0.3
@@ -31,7 +33,8 @@ def take_race(options: argparse.Namespace) -> None:
     try:
         line = read_line(line_of_map(options.race))
         if options.world == DEFAULT_WORLD:
-            options.world = world_of_map(options.race)
+            options.world, start = world_of_map(options.race)
+            options.pose = options.pose or start
     except MapError as error:
         raise SettingsError(str(error)) from None
     fastest_mps = float(line.speed_mps.max())
@@ -43,22 +46,34 @@ def take_race(options: argparse.Namespace) -> None:
 
 
 def line_of_map(file: Path) -> Path:
-    """Return the line's file beside a map. Raises: MapError where there is none."""
+    """Return the line's file beside a map. Raises: MapError where there is none, or the map is not to be trusted."""
+    if file.suffix != ".yaml" or not file.is_file():
+        raise MapError(f"--race {file}: is no map's .yaml; make one of a recorded lap: wallride map")
+    if refused := re.search(r"^# .*, (refused: .*)$", _text(file), re.MULTILINE):
+        raise MapError(f"--race {file}: the map is {refused[1]}. Drive the lap again")
     beside = file.with_name(file.stem + LINE_SUFFIX)
     if not beside.is_file():
         raise MapError(f"--race {file}: no race line beside it; make one there: wallride line {file} -o {beside}")
     return beside
 
 
-def world_of_map(file: Path) -> str:
-    """Return the simulated world that a map was made of. Raises: MapError where the map does not tell."""
-    try:
-        told = re.search(r"^# world: (\S.*)$", file.read_text(encoding="utf-8"), re.MULTILINE)
-    except (OSError, UnicodeDecodeError) as error:
-        raise MapError(f"--race {file}: cannot be read ({error})") from None
+def world_of_map(file: Path) -> tuple[str, str | None]:
+    """Return the simulated world that a map was made of, and the pose that its lap began at, None for the world's own.
+
+    Raises: MapError where the map does not tell.
+    """
+    told = re.search(r"^# world: (\S.*)$", _text(file), re.MULTILINE)
     if told is None:
         raise MapError(f"--race {file}: it does not tell its world; name it first: wallride sim WORLD --race {file}")
-    return told[1].strip()
+    world, _, start = told[1].strip().partition(START)
+    return world, start or None
+
+
+def _text(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise MapError(f"--race {file}: cannot be read ({error})") from None
 
 
 def with_lap(world: World, file: Path, start: Pose) -> World:

@@ -25,7 +25,9 @@ def race(tmp_path):
 
 
 def options(race, **more):
-    return argparse.Namespace(**{"race": race, "world": "loop", "assignments": ["wall_follow.side=right"], **more})
+    return argparse.Namespace(
+        **{"race": race, "world": "loop", "pose": None, "assignments": ["wall_follow.side=right"], **more}
+    )
 
 
 def test_the_map_tells_world_line_and_speed(race):
@@ -48,6 +50,22 @@ def test_a_map_without_line_or_world_is_refused_in_a_sentence(race):
         take_race(options(race))
     race.with_name("lab.line.csv").unlink()
     with pytest.raises(SettingsError, match="no race line beside it"):
+        take_race(options(race))
+
+
+def test_the_race_begins_where_the_lap_did(race):
+    race.write_text("# world: track:seed=7 --pose 4,-3,0\n")
+    chosen, named = options(race), options(race, pose="1,2,3")
+    take_race(chosen)
+    take_race(named)
+    assert (chosen.world, chosen.pose, named.pose) == ("track:seed=7", "4,-3,0", "1,2,3")
+
+
+def test_what_is_no_good_map_is_refused_in_a_sentence(race):
+    with pytest.raises(SettingsError, match="is no map"):
+        take_race(options(race.with_name("loop")))
+    race.write_text("# map by wallride of a.mcap, refused: the ring is open\n# world: loop\n")
+    with pytest.raises(SettingsError, match="the map is refused: the ring is open"):
         take_race(options(race))
 
 
