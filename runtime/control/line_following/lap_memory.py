@@ -14,6 +14,8 @@ OBEYS_S: Final = 0.15
 HELD_SHARE, HELD_MPS = 0.6, 0.3
 """A car that is slower than this share of what it should have reached, less this speed, is held back."""
 HELD_SCANS: Final = 4
+MOVED_M: Final = 0.005
+"""Way along the line from which a scan counts for the errors of a lap."""
 RESTS_S: Final = 2.0
 """Time after which it may count as held back again."""
 
@@ -45,11 +47,12 @@ class LapMemory:
     def take(self, stamp_s: float, along_m: float, aside_m: float) -> bool:
         """Take in a scan's place on the line; return whether a lap is complete with it."""
         if math.isnan(self._along_m):
-            self._since_s = stamp_s
-        else:
-            self._way_m += math.remainder(along_m - self._along_m, self._length_m)
-        self._along_m = along_m
-        self._errors_m.append(abs(aside_m))
+            self._along_m, self._since_s = along_m, stamp_s
+        moved_m = math.remainder(along_m - self._along_m, self._length_m)
+        if abs(moved_m) > MOVED_M:  # a car that stands on its line for hours remembers nothing of it
+            self._way_m += moved_m
+            self._along_m = along_m
+            self._errors_m.append(abs(aside_m))
         if self._way_m < self._length_m:
             return False
         errors_m = np.array(self._errors_m)

@@ -18,6 +18,13 @@ def test_a_lap_is_counted_where_it_was_begun_with_its_errors():
     assert (laps.last.rms_m, laps.last.p99_m, laps.last.largest_m) == pytest.approx((0.1, 0.1, 0.1))
 
 
+def test_a_car_that_stands_beside_its_line_adds_no_errors():
+    laps = LapMemory(10.0)
+    ways_m = [0.0] * 500 + [0.1 * k for k in range(110)]
+    assert any(laps.take(STEP_S * k, way_m % 10.0, 0.1 if way_m else 0.5) for k, way_m in enumerate(ways_m))
+    assert laps.last.rms_m == pytest.approx(0.1)
+
+
 def test_a_lap_that_was_broken_off_does_not_count():
     laps = LapMemory(10.0)
     assert not any(laps.take(STEP_S * k, 0.1 * k, 0.0) for k in range(90))
