@@ -8,7 +8,7 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,6 +24,8 @@ C = TypeVar("C")
 _SPAWN = multiprocessing.get_context("spawn")
 _READY = "ready"
 _ENDED_WITHIN_S = 5.0
+UNSTARTED = -1
+"""In the place of a cell's index: tries of workers that have not had one."""
 
 
 @dataclass(slots=True, eq=False)
@@ -67,7 +69,7 @@ def processes(work: Callable[[C], Figures], jobs: int) -> Iterator[Run[C]]:
 def _run(workers: list[_Worker], cells: Sequence[C], work: Callable[[C], Figures]) -> Ends[C]:
     """Yield the end of every cell. workers: changed, as processes end and others take their places."""
     waiting = deque(range(len(cells)))
-    tries = [0] * len(cells)
+    tries: Counter[int] = Counter()
     try:
         while waiting or any(worker.index is not None for worker in workers):
             for worker in workers:
@@ -96,12 +98,17 @@ def _run(workers: list[_Worker], cells: Sequence[C], work: Callable[[C], Figures
             worker.end()
 
 
-def _lost(worker: _Worker, cells: Sequence[C], tries: list[int], waiting: deque[int]) -> FinishedCell[C] | None:
-    """Put a dead worker's cell at the end of the queue, or return its end when it has had its tries."""
+def _lost(worker: _Worker, cells: Sequence[C], tries: Counter[int], waiting: deque[int]) -> FinishedCell[C] | None:
+    """Put a dead worker's cell at the end of the queue, or return its end when it has had its tries.
+
+    Raises: WorkerStartError for one that failed before its first cell, or the second one that was killed there.
+    """
     said = worker.last_words()
     worker.end()
     if not worker.started:
-        raise WorkerStartError(f"a worker process {said} before its first cell; its own output says why")
+        tries[UNSTARTED] += 1
+        if tries[UNSTARTED] == MAX_TRIES or (worker.process.exitcode or 0) >= 0:  # negative: killed by a signal
+            raise WorkerStartError(f"a worker process {said} before its first cell; its own output says why")
     index = worker.index
     if index is None:
         return None

@@ -4,7 +4,7 @@ import multiprocessing
 
 import pytest
 
-from tests.sim.lab.workers.works import DiesAtStart, dies, double, slowly, where
+from tests.sim.lab.workers.works import DiesAtStart, KilledAtStart, dies, double, slowly, where
 from wallride.sim.lab.workers.finished_cell import WorkerStartError
 from wallride.sim.lab.workers.submit import submit, workers
 
@@ -43,6 +43,14 @@ def test_an_abandoned_run_leaves_no_process():
 def test_workers_that_cannot_start_are_told_and_not_started_for_ever():
     with pytest.raises(WorkerStartError, match="ended with exit code 7 before its first cell"):
         list(submit(list(range(50)), DiesAtStart(), jobs=2))
+
+
+def test_a_worker_that_is_killed_before_its_first_cell_is_replaced_once(tmp_path):
+    ended = list(submit(list(range(12)), KilledAtStart(tmp_path, 1), jobs=2))
+    assert sorted((done.figures or {})["twice"] for done in ended) == list(range(0, 24, 2))
+    (tmp_path / "more").mkdir()
+    with pytest.raises(WorkerStartError, match="was ended by signal 9 before its first cell"):
+        list(submit(list(range(12)), KilledAtStart(tmp_path / "more", 9), jobs=2))
 
 
 def test_nothing_to_do_is_done():

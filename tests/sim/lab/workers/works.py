@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -31,6 +32,23 @@ def dies(cell):
         Path(deadly).touch()
         os.kill(os.getpid(), signal.SIGKILL)
     return double(number)
+
+
+class KilledAtStart:
+    """Work that kills processes that receive it: `count` of them."""
+
+    def __init__(self, folder, count):
+        self.folder, self.count = folder, count
+
+    def __setstate__(self, state):
+        self.__dict__.update(state)
+        for number in range(self.count):
+            with suppress(FileExistsError):
+                (self.folder / str(number)).touch(exist_ok=False)
+                os.kill(os.getpid(), signal.SIGKILL)
+
+    def __call__(self, cell):
+        return double(cell)
 
 
 class DiesAtStart:
