@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from tests.drivers.vesc.rig import BRAKE, ready, seen, until
 from tests.drivers.vesc.test_condition import WELL
 from wallride.drivers.api import Drive, Health, LinkState
-from wallride.drivers.vesc import codec
 from wallride.drivers.vesc.calibration import Calibration
 from wallride.drivers.vesc.condition import VescMonitor
 from wallride.drivers.vesc.cross_check import COUNTS_WRONG, RUNS_BACKWARDS, CrossCheck
@@ -188,18 +187,6 @@ async def turning(vesc: Vesc, emulator: VescEmulator, wish_mps: float, met) -> N
             speed_mps = demand.value / GAIN if demand.kind == "speed" else 0.0
             way_m, last_s = way_m + speed_mps * (now_s - last_s), now_s
             emulator.report(erpm=round(speed_mps * GAIN), tachometer=round(way_m / METRES_PER_STEP))
-
-
-@pytest.mark.parametrize("erpm", [10**6, 10**7, 2**31 - 1])
-async def test_the_driver_brakes_before_an_impossible_speed_and_comes_back(emulator, erpm):
-    async with ready(emulator) as vesc:
-        await turning(vesc, emulator, 1.0, lambda: seen(vesc).speed_mps > 0.9)
-        emulator.shown_erpm = erpm
-        await turning(vesc, emulator, 1.0, lambda: emulator.motor_wire()[-1] == BRAKE)
-        assert seen(vesc).speed_mps <= 1.0
-        assert vesc.health.counts["bad_reply"] >= 2
-        emulator.shown_erpm = None
-        await turning(vesc, emulator, 1.0, lambda: emulator.motor_wire()[-1] == codec.set_erpm(round(GAIN)))
 
 
 async def test_an_impossible_speed_that_stays_is_a_lost_link_that_says_why(emulator):

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from tests import wire_time
 from tests.drivers.vesc.rig import BRAKE, CENTRE, PATIENCE_S, controller, ready, running, seen, sent, until, vesc_at
 from wallride.drivers.api import Drive, LinkState, Motor
-from wallride.drivers.link import ByteLink
 from wallride.drivers.vesc import codec, driver
-from wallride.drivers.vesc.codec import MOTOR_PACKETS, Packet, frame
+from wallride.drivers.vesc.codec import MOTOR_PACKETS, Packet
 from wallride.drivers.vesc.driver import Vesc
 from wallride.drivers.vesc.inertia import Inertia
 from wallride.drivers.vesc.settings import VescSettings
@@ -112,46 +111,6 @@ async def test_a_battery_manager_on_the_port_is_refused(emulator):
 async def test_a_command_is_exactly_two_frames(emulator, drive, motor, position):
     async with ready(emulator) as vesc:
         assert await sent(vesc, emulator, drive) == [motor, codec.set_servo(position)]
-
-
-async def test_both_frames_go_out_in_one_write(emulator, monkeypatch):
-    async with ready(emulator) as vesc:
-        writes: list[bytes] = []
-        monkeypatch.setattr(ByteLink, "write", lambda _, data: writes.append(data))
-        assert vesc.send(Drive(1.0, 0.0))
-        assert writes == [frame(codec.set_erpm(4614)) + frame(CENTRE)]
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e300])
-async def test_what_is_no_command_is_a_brake_and_counted(emulator, bad):
-    async with ready(emulator) as vesc:
-        assert await sent(vesc, emulator, Drive(1.0, 0.1)) == [codec.set_erpm(4614), codec.set_servo(0.409)]
-        assert await sent(vesc, emulator, Drive(bad, -0.1)) == [BRAKE, codec.set_servo(0.409)]
-        if not math.isfinite(bad):  # steering as large as can be is still a direction
-            assert await sent(vesc, emulator, Drive(1.0, bad)) == [BRAKE, codec.set_servo(0.409)]
-            assert vesc.braked_instead
-        assert vesc.health.counts["bad_command"] == 1 + (not math.isfinite(bad))
-
-
-@pytest.mark.parametrize(
-    ("erpm", "speed_mps", "brakes"),
-    [
-        (4614, -1.0, True),
-        (-4614, 1.0, True),
-        (4614, 0.5, False),
-        (1300, -1.0, False),
-        (-1300, 1.0, False),
-        (0, -1.0, False),
-    ],
-)
-async def test_it_brakes_before_it_drives_the_other_way(emulator, erpm, speed_mps, brakes):
-    emulator.report(erpm=erpm)
-    async with ready(emulator) as vesc:
-        motor, _ = await sent(vesc, emulator, Drive(speed_mps, 0.0))
-        assert motor == (BRAKE if brakes else codec.set_erpm(round(4614 * speed_mps)))
-        assert vesc.braked_instead is brakes
-        vesc.send(Drive(math.copysign(0.1, speed_mps), 0.0))
-        assert not vesc.braked_instead, "a speed that no VESC can hold is a stop that was asked for"
 
 
 async def test_the_state_tells_the_steering_that_was_possible(emulator):

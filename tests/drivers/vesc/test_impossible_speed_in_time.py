@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from tests.drivers.vesc.virtual_rig import GAIN, play
+from tests.drivers.vesc.rig import play
 from wallride.drivers.api import Drive
 from wallride.drivers.vesc.codec import Packet
 
@@ -19,14 +19,16 @@ def shown(erpm, phase_s):
     begun_s = SHOWN_S + phase_s
 
     async def story(rig):
-        rig.loop.call_at(begun_s, setattr, rig.controller, "erpm", erpm)
-        rig.loop.call_at(begun_s + LASTS_S, setattr, rig.controller, "erpm", round(GAIN))
-        while rig.loop.time() < ENDS_S:
+        loop = asyncio.get_running_loop()
+        loop.call_at(begun_s, setattr, rig.controller, "shown_erpm", erpm)
+        loop.call_at(begun_s + LASTS_S, setattr, rig.controller, "shown_erpm", None)
+        while loop.time() < ENDS_S:
             rig.vesc.send(Drive(1.0, 0.0))
             await asyncio.sleep(COMMANDS_EVERY_S)
 
-    commands = play(story).controller.commands
-    return [(at_s - begun_s, command) for at_s, command in commands if at_s >= begun_s]
+    wire = play(story).controller.wire
+    kinds = {Packet.SET_RPM, Packet.SET_CURRENT_BRAKE}
+    return [(at_s - begun_s, payload[0]) for at_s, payload in wire if at_s >= begun_s and payload[0] in kinds]
 
 
 @pytest.mark.parametrize("erpm", [10**6, 10**7, 2**31 - 1, -(2**31)])

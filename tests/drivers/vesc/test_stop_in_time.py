@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from tests.drivers.vesc.virtual_rig import GAIN, play
+from tests.drivers.vesc.rig import GAIN, play
 from wallride.drivers.api import Drive, LinkLost, LinkState
 from wallride.drivers.vesc import codec, driver
 from wallride.drivers.vesc.codec import Packet, frame
@@ -43,7 +43,7 @@ def test_a_command_is_one_write_of_two_frames_and_a_stop_brakes():
 
 
 @pytest.mark.parametrize(
-    "bad", [Drive(math.nan, 0.0), Drive(math.inf, 0.0), Drive(1.0, math.nan), Drive(0.0, math.inf)]
+    "bad", [Drive(math.nan, 0.0), Drive(math.inf, 0.0), Drive(1e300, 0.0), Drive(1.0, math.nan), Drive(0.0, math.inf)]
 )
 def test_a_command_that_is_none_is_a_brake_with_the_last_good_steering(bad):
     async def story(rig):
@@ -62,7 +62,7 @@ def test_nothing_is_sent_before_the_first_report():
     async def story(rig):
         assert not rig.vesc.send(Drive(0.0, 0.0))
         rig.vesc.brake_now()
-        rig.controller.answers = False
+        rig.controller.silent = True
         await asyncio.sleep(READY_S)
         assert not rig.vesc.send(Drive(1.0, 0.0))
         rig.vesc.brake_now()
@@ -72,7 +72,7 @@ def test_nothing_is_sent_before_the_first_report():
         assert rig.vesc.health.link is LinkState.STARTING
 
     rig = play(story)
-    assert {payload[0] for payload in rig.controller.heard} == {Packet.FW_VERSION}
+    assert {payload[0] for _, payload in rig.controller.wire} == {Packet.FW_VERSION}
     assert "lost" not in rig.vesc.health.counts
     assert rig.released == 1
 
@@ -110,7 +110,7 @@ def test_a_latched_fault_brakes_until_it_is_cleared():
 
 def test_a_fault_of_its_own_that_is_cleared_too_soon_comes_back():
     async def story(rig):
-        rig.controller.fault_code = 3
+        rig.controller.inject_fault(3, fault_stop_s=10.0)
         await asyncio.sleep(0.1)
         assert rig.sent(Drive(1.0, 0.0)) == BRAKE + SERVO_AHEAD
         rig.vesc.clear_fault()
@@ -148,11 +148,13 @@ def test_no_direction_brakes_no_standing_and_no_unknown_car():
 
 def test_an_impossible_speed_is_braked_for_and_the_next_possible_one_obeyed():
     async def story(rig):
-        rig.controller.erpm = 10**6
+        rig.controller.shown_erpm = 10**6
         await asyncio.sleep(0.1)
         assert rig.sent(Drive(1.0, 0.0)) == BRAKE + SERVO_AHEAD
         assert rig.vesc.braked_instead
-        rig.controller.erpm = round(GAIN)
+        assert rig.vesc.health.counts["bad_reply"] >= 2
+        assert rig.vesc.state.speed_mps == pytest.approx(1.0)
+        rig.controller.shown_erpm = None
         await asyncio.sleep(0.1)
         assert rig.sent(Drive(1.0, 0.0)) == ONE_MPS + SERVO_AHEAD
 
@@ -163,11 +165,12 @@ def test_a_fault_is_latched_from_a_report_whose_speed_is_impossible():
     """It is shown for half a second only: what is refused for its speed may be all that ever shows it."""
 
     async def story(rig):
-        rig.controller.erpm, rig.controller.fault_code = 10**6, 3
+        rig.controller.shown_erpm = 10**6
+        rig.controller.inject_fault(3, fault_stop_s=0.15)
         await asyncio.sleep(0.1)
         assert rig.vesc.health.link is LinkState.FAULTY
         assert rig.vesc.state.fault == rig.vesc.health.trouble == fault_text(3)
-        rig.controller.erpm, rig.controller.fault_code = round(GAIN), 0
+        rig.controller.shown_erpm = None
         await asyncio.sleep(0.1)
         assert rig.sent(Drive(1.0, 0.0)) == BRAKE + SERVO_AHEAD
         assert rig.vesc.health.counts["fault"] == 1
@@ -191,9 +194,9 @@ def test_a_controller_that_falls_silent_is_lost_at_its_time_and_not_at_the_next_
     async def story(rig):
         await asyncio.sleep(waits_s)
         rig.sent(Drive(1.0, 0.0))
-        rig.controller.answers = False
+        rig.controller.silent = True
         await asyncio.sleep(0.3)
-        (braked_s,) = [at_s for at_s, kind in rig.controller.commands if kind == Packet.SET_CURRENT_BRAKE]
+        (braked_s,) = [at_s for at_s, payload in rig.controller.wire if payload[0] == Packet.SET_CURRENT_BRAKE]
         assert braked_s - rig.vesc._replied_s == pytest.approx(LOST_AFTER_S, abs=1e-3)
 
     when_ready(story, lost_after_s=LOST_AFTER_S)
