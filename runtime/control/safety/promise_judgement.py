@@ -4,6 +4,7 @@ A promise that is not believed is judged by the arc of the present steering, as 
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.safety.body import Body
 from wallride.runtime.control.safety.footprint import MIN_SLEW_SPEED_MPS, Contact, PathMotion, arc
 from wallride.runtime.control.safety.manoeuvre_rollout import FRONT_SHARE
-from wallride.runtime.control.safety.promise_record import DrivenPlace, PromiseRecord, TyreModel, place_of
+from wallride.runtime.control.safety.promise_record import DrivenPlace, Given, PromiseRecord, TyreModel, place_of
 from wallride.runtime.control.safety.promised_way import (
     TOO_SHORT,
     PromisedWay,
@@ -92,12 +93,24 @@ class JudgedWay:
         return Verdict(most_mps, NO_LIMIT_MPS, reason, float(self.cap_m[tightest]))
 
 
+class _JudgedOnce(NamedTuple):
+    """All that the judgement of a promise by one scan depends on, and what came of it."""
+
+    promise: Promise
+    given: Given
+    here: DrivenPlace
+    command: tuple[float, float]
+    look_m: float
+    way: JudgedWay | Unbelievable
+
+
 def believed(
     seen: Percept, strip: Strip, command: tuple[float, float], promise: Promise, record: PromiseRecord, look_m: float
 ) -> tuple[JudgedWay | None, PromiseRecord]:
     """Return the way that is judged in place of the arc, None where the promise is not believed, and the next record.
 
-    command: speed [m/s] and steering [rad] that were asked for with the promise.
+    command: speed [m/s] and steering [rad] that were asked for with the promise. Asked again about the same one, it
+    answers from what the strip keeps.
     """
     stamp_s = seen.scan.stamp_s
     if seen.motor is None:
@@ -117,7 +130,12 @@ def believed(
         return None, record.restarted(here, OTHER_SCAN) if fresh else record
     if not record.given or not record.trusts(here):
         return None, record
-    judged = _judged(strip, (places_m, speeds_mps), command, record.given[-1].margin_m, look_m)
+    given = record.given[-1]
+    kept: _JudgedOnce | None = strip.judged
+    if kept is None or kept.promise is not promise or kept.given is not given or kept[2:5] != (here, command, look_m):
+        way = _judged(strip, (places_m, speeds_mps), command, given.margin_m, look_m)
+        kept = strip.judged = _JudgedOnce(promise, given, here, command, look_m, way)
+    judged = kept.way
     if isinstance(judged, Unbelievable):
         return None, record.refusing(judged.reason) if fresh else record
     return judged, record

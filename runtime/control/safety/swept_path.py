@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ class Strip:
     speed_mps: signed. wheel_rad: current angle of the wheels. latency_s: until a new steering takes effect. more_m:
     points that the scan alone does not show, (k,): predicted places of pedestrians, and thin obstacles. behind: the
     memory of what the lidar no longer sees. past_rad: the wheels' angles at the last scans, with their stamps, this
-    one's last.
+    one's last. judged: the last judgement of a promise, kept by `promise_judgement`.
     """
 
     body: Body
@@ -43,6 +44,7 @@ class Strip:
     more_m: Places
     behind: RearMemory
     past_rad: tuple[tuple[float, float], ...]
+    judged: Any = None
     _kept: dict[tuple[float, float, float, bool, float], Contact] = field(default_factory=dict)
     _dark: dict[tuple[float, float], bool] = field(default_factory=dict)
     _near_m: tuple[Places, Places] | None = None
@@ -76,16 +78,15 @@ class Strip:
 
     def leads_into_the_dark(self, steering_rad: float, look_m: float) -> bool:
         """Return whether there is an enclosed region without echoes in that direction, within the look-ahead."""
-        key = (steering_rad, look_m)
-        dark = self._dark.get(key)
-        if dark is None:
-            toward_rad = math.tan(steering_rad) / self.body.car.wheelbase_m * look_m / 2
-            dark = self._dark[key] = self.is_dark(toward_rad, look_m)
-        return dark
+        return self.is_dark(math.tan(steering_rad) / self.body.car.wheelbase_m * look_m / 2, look_m)
 
     def is_dark(self, toward_rad: float, look_m: float) -> bool:
         """Return whether there is an enclosed region without echoes at that bearing, within the look-ahead."""
-        return find_dark_regions(self.view, toward_rad, look_m + LOOK_SPARE_M)
+        key = (toward_rad, look_m)
+        dark = self._dark.get(key)
+        if dark is None:
+            dark = self._dark[key] = find_dark_regions(self.view, toward_rad, look_m + LOOK_SPARE_M)
+        return dark
 
     def contact_along(self, path: AxlePath, length_m: float, margin_m: float) -> Contact:
         """Return the first contact on a path with so much more margin to each side; NOTHING beyond length_m.

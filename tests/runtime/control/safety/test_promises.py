@@ -238,6 +238,46 @@ def way_in(car, ranges_m, promise):
     return assessment, way
 
 
+@pytest.mark.parametrize("honest", [True, False])
+def test_a_promise_is_judged_once_for_a_scan_and_its_command(monkeypatch, honest):
+    car, asked = Promising(), list[float]()
+
+    def asking(places_m, speed_mps, roadworthy, look_m):
+        asked.append(look_m)
+        return promised_way.way_of(places_m, speed_mps, roadworthy, look_m)
+
+    monkeypatch.setattr(promise_judgement, "way_of", asking)
+    assessment = car.see(BESIDE)
+    promise = (
+        promise_of(car.now_s) if honest else changed(lambda path_m: path_m[:, ::8], lambda mps: mps[::8])(car.now_s)
+    )
+    first = car.told(assessment, promise)
+    assert [car.told(assessment, promise) for _ in range(4)] == [first] * 4
+    assert len(asked) == 1
+    car.told(assessment, promise, speed_mps=2.5)
+    car.told(assessment, replace(promise, margin_m=0.03))
+    assert len(asked) == 3
+
+
+def test_what_was_judged_before_changes_no_verdict():
+    rng = np.random.default_rng(54)
+    for _ in range(6):
+        car = Promising()
+        assessment = car.see(BESIDE)
+        promises = [promise_of(car.now_s), promise_of(car.now_s, 0.3), changed(margin_m=0.3)(car.now_s), None]
+        promises.append(promise_of(car.now_s - PERIOD_S))
+        for _ in range(25):
+            promise, speed_mps = promises[rng.integers(5)], float(rng.choice((2.5, SPEED_MPS, 5.0)))
+            steering_rad = car.wheel_rad + float(rng.choice((0.0, 0.02, -0.3)))
+            new = replace(assessment, strip=replace(assessment.strip, judged=None, _kept={}, _dark={}))
+            expected = new.judge(speed_mps, steering_rad, assessment.memory, promise)
+            found = assessment.judge(speed_mps, steering_rad, assessment.memory, promise)
+            assert found[0] == expected[0]
+            assert found[1].promises._replace(given=()) == expected[1].promises._replace(given=())
+            if rng.random() < 0.5:
+                assessment.commit(found[1])
+
+
 def test_a_bend_that_needs_all_of_the_grip_bounds_the_speed_there():
     _, way = way_in(Promising(ends_m=3.0), OPEN, lambda stamp_s: promise_of(stamp_s, 3.0, speed_mps=4.3))
     assert way.cap_mps.size
