@@ -22,6 +22,7 @@ class Guidance:
     line_m: distance of that line from the rear axle; NaN where the method fits none or steers by the nearest points.
     stuck: whether there is no way out of where the car stands; `reason` says what it needs.
     promise: the path that the method will drive, for safety to judge; None where it promises none.
+    toward_rad: bearing in which the way goes on where the car has to turn to it first, for recovery; NaN elsewhere.
     """
 
     drive: Drive | None
@@ -32,6 +33,7 @@ class Guidance:
     line_m: float = math.nan
     stuck: bool = False
     promise: Promise | None = None
+    toward_rad: float = math.nan
 
 
 class Follower(Protocol):

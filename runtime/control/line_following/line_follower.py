@@ -2,6 +2,7 @@
 
 For each scan: the pose, the car as it will be when the answer takes effect, the nearest point of the line there, and
 steering and speed by `line_law`. It comes to the line from the wall's path, slowly and only over known free ground.
+Where the line goes the other way, as after a hard stop that has turned the car, it says whereto, and recovery turns it.
 The ball answers every scan, too, so that it has followed the wall already when it is needed.
 """
 
@@ -42,7 +43,7 @@ DRIVES: Final = "race line"
 JOINED_M, JOINED_RAD = 0.25, 0.35
 """Lateral and heading errors below which the line is joined; beyond the first one the car slows down."""
 LEFT_M, LEFT_RAD = 0.8, 1.0
-"""Errors above which it has left the line. With a larger heading error it does not join."""
+"""Errors above which it has left the line. With a larger heading error it is turned to the line before it joins."""
 DRAWN_M, DRAWN_STEP_M = 4.0, 0.2
 
 
@@ -121,7 +122,11 @@ class LineFollower:
         )
         self._trim.learn(now, motor.steering_rad, since_s, tyres)
         if reason := self._unfit(now, line, course, tyres):
-            return self._by_wall(by_wall, reason)
+            guidance = self._by_wall(by_wall, reason)
+            if reason is not WRONG_WAY:
+                return guidance
+            toward_rad = line.nearest(now.place_m).yaw_rad - now.yaw_rad
+            return replace(guidance, toward_rad=math.remainder(toward_rad, math.tau))
         guidance = self._along(scan, now, line, tyres, pose.scale)
         return replace(guidance, promise=self._promise(scan.stamp_s, since_s, now, line, tyres, pose.scale))
 
@@ -150,10 +155,10 @@ class LineFollower:
                 on = line.nearest(now.place_m)
                 off_rad = abs(line_law.heading_error_rad(now, on, tyres))
         if not self._joined:
+            if abs(on.aside_m) > JOINED_M and not way_is_free(course.field, line, now.place_m, on):
+                return BLOCKED  # first: the lane behind a wall may well go the other way
             if off_rad > LEFT_RAD:
                 return WRONG_WAY
-            if abs(on.aside_m) > JOINED_M and not way_is_free(course.field, line, now.place_m, on):
-                return BLOCKED
             self._joined = abs(on.aside_m) < JOINED_M and off_rad < JOINED_RAD
             self._laps.begin()
         self._on = on

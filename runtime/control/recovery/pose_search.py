@@ -26,6 +26,8 @@ ROUND_COSTS = 10
 """Costs of a way that turns the car round by more than ROUND_RAD."""
 ROUND_RAD = math.radians(100)
 FACES_AWAY_COS = 0.3
+TOWARD_RAD = 0.4
+"""Largest angle from the bearing at which the car counts as turned to it."""
 ROOM_AHEAD_STEPS = 5
 MIN_GOAL_M = 1.2
 SHORT_COSTS_PER_M, REPEATED_COSTS = 20.0, 25
@@ -55,10 +57,14 @@ class Leg:
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """Goal of a way out: a distance from the present place, and places to avoid, base_link, (k,)."""
+    """Goal of a way out: a distance from the present place, and places to avoid, base_link, (k,).
+
+    toward_rad: bearing to turn to in place of these; NaN: any.
+    """
 
     away_m: float
     earlier_m: Places
+    toward_rad: float = math.nan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -241,6 +247,8 @@ class PoseSearch:
 
     def _driven_off(self, some: _Poses, free: Booleans, cost: int, count: int) -> tuple[float, int]:
         """Return cost and number of the best of these poses at which the car is driven off, inf without one."""
+        if not math.isnan(self._goal.toward_rad):
+            return self._turned_to(some, free, cost, count)
         away_m = np.abs(some.place_m)
         facing = (some.place_m * self._turned[some.heading].conj()).real
         good = (some.way > 0) & (away_m >= MIN_GOAL_M) & (facing >= FACES_AWAY_COS * away_m)
@@ -255,6 +263,13 @@ class PoseSearch:
         costs += REPEATED_COSTS * repeated.any(axis=1)
         least = int(costs.argmin())
         return float(costs[least]), count + int(index[least])
+
+    def _turned_to(self, some: _Poses, free: Booleans, cost: int, count: int) -> tuple[float, int]:
+        """Return cost and number of one of these poses at which the car faces the goal's bearing, inf without one."""
+        off_rad = np.angle(self._turned[some.heading] * np.exp(-1j * self._goal.toward_rad))
+        index = np.flatnonzero((some.way > 0) & (np.abs(off_rad) <= TOWARD_RAD))
+        index = index[self._room_ahead(some.some(index), free)]
+        return (float(cost), count + int(index[0])) if index.size else (math.inf, -1)
 
     def _room_ahead(self, some: _Poses, free: Booleans) -> Booleans:
         """Return at which poses the car can roll on for ROOM_AHEAD_STEPS, on one of its arcs."""

@@ -29,7 +29,8 @@ class RecoveringFollower:
         assessment = self._guard.assessment  # safety runs first: it is this scan's
         if assessment is None or assessment.view.scan is not scan:
             return guidance
-        advice = self._recovery.step(assessment, guidance.drive, motor, believed=self._believed())
+        believed, toward_rad = self._believed(), guidance.toward_rad
+        advice = self._recovery.step(assessment, guidance.drive, motor, believed=believed, toward_rad=toward_rad)
         if advice.drive is None and not advice.words:
             return guidance
         stuck = advice.words in {HELP, TRAFFIC}

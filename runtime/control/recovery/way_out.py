@@ -10,7 +10,7 @@ a way that leads elsewhere and farther, and after a few tries it asks for help.
 import cmath
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,6 +44,7 @@ continues."""
 ASKS_AFTER_S = 10.0
 """Time that a car without permitted tries waits for a free path before it asks for help."""
 HELP = "boxed in: needs help"
+TURNS = "turning to where the way goes on"
 TRAFFIC = "boxed in: something moves near, and may be behind"
 DISBELIEF = "boxed in: will not back out without a believed odometry"
 
@@ -60,12 +61,12 @@ NO_ADVICE = RecoveryAdvice(None, "")
 
 
 class WayOutSearch:
-    """A search that is under way: one slice with each scan. way: its answer, None while it is not finished."""
+    """A search for a goal that is under way: one slice with each scan. way: its answer, None while not finished."""
 
     def __init__(self, assessment: SweptAssessment, goal: Goal, refused: frozenset[Move], back_m: float) -> None:
         guard, self._behind = assessment.guard, assessment.strip.behind
         self._here = self._behind.seen_now(assessment.view)
-        self._body, self._goal, self._refused = guard.body, goal, refused
+        self._body, self.goal, self._refused = guard.body, goal, refused
         self._most_backed_m = min(back_m, guard.settings.reverse_unseen_m - STOPPING_M)
         self._slices = self._think()
         self.way: WayOut | None = None
@@ -90,7 +91,7 @@ class WayOutSearch:
             (body.car.max_steering_rad, body.car.wheelbase_m),
             (behind.backed_m, self._most_backed_m),
             ((track_m - here.place_m) * turned, headings * turned),
-            self._goal,
+            self.goal,
             self._refused,
         )
         self.way = yield from search.look(blocked)
@@ -115,6 +116,7 @@ class Recovery:
         self._begun_s = 0.0
         self._begun_m = 0.0
         self._moving_s = 0.0
+        self._turned_in_vain_m = -math.inf
         self._traffic = Traffic()
 
     def think(self) -> None:
@@ -129,9 +131,13 @@ class Recovery:
         self._settings = settings
 
     def step(
-        self, assessment: SweptAssessment, wish: Drive | None, motor: MotorState | None, *, believed: bool = True
-    ) -> RecoveryAdvice:
-        """Return the advice for one scan; wish: the driver's, before the safety. believed: the odometry is trusted."""
+        self, assessment: SweptAssessment, wish: Drive | None, motor: MotorState | None, *, believed: bool = True,
+        toward_rad: float = math.nan,
+    ) -> RecoveryAdvice:  # fmt: skip
+        """Return the advice for one scan.
+
+        wish: the driver's, before the safety. believed: the odometry is trusted. toward_rad: bearing to turn to first.
+        """
         if self._due:
             self.think()
         scan_s = assessment.view.scan.stamp_s
@@ -143,6 +149,8 @@ class Recovery:
             return NO_ADVICE
         if self._legs and believed:
             return self._drive_leg(assessment, motor)
+        if believed and not math.isnan(toward_rad) and (turns := self._turn(assessment, wish, motor, toward_rad)):
+            return turns
         now_s = assessment.view.scan.stamp_s
         if not self._is_boxed_in(assessment, wish):
             if now_s - self._boxed_s > FREE_FOR_S or abs(assessment.speed_mps) > STANDING_MPS:
@@ -160,6 +168,35 @@ class Recovery:
 
     def _forget(self) -> None:
         self._since_s, self._thought, self._legs, self._found_none = None, None, [], False
+
+    def _turn(
+        self, assessment: SweptAssessment, wish: Drive, motor: MotorState, toward_rad: float
+    ) -> RecoveryAdvice | None:
+        """Stand, look for a way that turns the car, and begin it; None where there is none: some metres on it may be.
+
+        The driver would go on in the wrong direction: nothing is waited for but what may be behind.
+        """
+        if abs(motor.distance_m - self._turned_in_vain_m) < self._settings.forgotten_after_m:
+            return None
+        if self._tries >= self._settings.tries:
+            self._turned_in_vain_m, self._thought, self._tries, self._refused = motor.distance_m, None, 0, frozenset()
+            return None
+        stop = RecoveryAdvice(Drive(0.0, wish.steering_rad), TURNS)
+        if abs(assessment.speed_mps) > STANDING_MPS or self._traffic.is_about:
+            self._thought = None
+            return stop
+        if self._thought is None or math.isnan(self._thought.goal.toward_rad):
+            goal = replace(self._goal(assessment), toward_rad=toward_rad)
+            self._thought = WayOutSearch(assessment, goal, self._refused, self._settings.back_m)
+        self._due = True
+        if (way := self._thought.way) is None:
+            return stop
+        if not way.legs:
+            self._tries = self._settings.tries
+            return self._turn(assessment, wish, motor, toward_rad)
+        self._ends_m.append(self._thought.end_in_odom_m(way))
+        self._thought = None
+        return self._begin(way, assessment, motor)
 
     def _stand(self, assessment: SweptAssessment, wish: Drive, motor: MotorState) -> RecoveryAdvice:
         """Wait, and search meanwhile."""

@@ -97,6 +97,8 @@ def test_against_the_line_it_follows_the_wall(room):
     one = follower(room[1], start=(2.0, 0.0, math.pi))
     last = answers(one, room[0], (2.0, 0.0, math.pi))[-1]
     assert last.reason == line_follower.WRONG_WAY
+    assert abs(last.toward_rad) == pytest.approx(math.pi, abs=0.05)
+    assert math.isnan(answers(follower(room[1]), room[0], START)[-1].toward_rad)
 
 
 def test_a_way_through_the_block_is_not_taken(room):

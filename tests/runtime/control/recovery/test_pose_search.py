@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wallride.runtime.control.recovery.floor_map import CELL_M, CELLS, HALF_CELLS
-from wallride.runtime.control.recovery.pose_search import MIN_GOAL_M, NO_WAY, Goal, PoseSearch
+from wallride.runtime.control.recovery.pose_search import MIN_GOAL_M, NO_WAY, TOWARD_RAD, Goal, PoseSearch
 from wallride.runtime.control.safety.body import Body
 from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.vehicle import CarSettings
@@ -19,11 +19,14 @@ X_M, Y_M = np.meshgrid(ALONG_M, ALONG_M)
 NOWHERE = np.empty(0, np.complex128)
 
 
-def search(blocked, *, away_m=1.3, earlier_m=NOWHERE, backing=(0.0, 0.4), track=(NOWHERE, NOWHERE), refused=()):
+def search(
+    blocked, *, away_m=1.3, earlier_m=NOWHERE, backing=(0.0, 0.4), track=(NOWHERE, NOWHERE), refused=(),
+    toward_rad=math.nan,
+):  # fmt: skip
+    goal = Goal(away_m, earlier_m, toward_rad)
     steps = PoseSearch(
-        (BODY.around, BODY.bare), (CAR.max_steering_rad, CAR.wheelbase_m), backing, track, Goal(away_m, earlier_m),
-        frozenset(refused),
-    ).look(blocked)  # fmt: skip
+        (BODY.around, BODY.bare), (CAR.max_steering_rad, CAR.wheelbase_m), backing, track, goal, frozenset(refused)
+    ).look(blocked)
     while True:
         try:
             next(steps)
@@ -110,3 +113,19 @@ def test_a_refused_move_is_not_the_first_one():
     move = (-1, round(first.steering_rad / CAR.max_steering_rad))
     second = search(BEFORE, refused=[move]).legs[0]
     assert (second.steering_rad, second.travel_m > 0) != (first.steering_rad, False)
+
+
+CORRIDOR = np.abs(Y_M) > 1.0
+
+
+@pytest.mark.parametrize("blocked", [FREE, CORRIDOR])
+@pytest.mark.parametrize("toward_rad", [math.pi, -2.0, 1.2])
+def test_it_turns_to_a_bearing(blocked, toward_rad):
+    way = search(blocked, toward_rad=toward_rad)
+    assert not touches(way, blocked)
+    assert way.legs[-1].travel_m > 0
+    assert abs(math.remainder(driven(way)[-1][1] - toward_rad, math.tau)) <= TOWARD_RAD + 1e-6
+
+
+def test_it_does_not_turn_where_there_is_no_room():
+    assert search(CELL, toward_rad=math.pi) is NO_WAY
