@@ -1,6 +1,7 @@
 """The file of a race line, as `wallride line` writes it, and the course that a car's settings name."""
 
 import math
+import re
 from pathlib import Path
 from typing import Final, Literal
 
@@ -10,7 +11,7 @@ from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.line_following.race_line import CourseLine
 from wallride.runtime.control.localization.localizer import Localizer
 from wallride.runtime.control.vehicle import CarSettings
-from wallride.runtime.map_files import CarMap, MapError, read_map
+from wallride.runtime.map_files import CarMap, MapError, fingerprint, read_map
 from wallride.runtime.settings.pose_map import PoseMapSettings
 
 LINE_SUFFIX: Final = ".line.csv"
@@ -24,13 +25,18 @@ MAX_MPS: Final = 50.0
 AGAIN: Final = "Make it again: wallride line"
 
 
-def read_line(path: Path) -> CourseLine:
-    """Return the line of a file of `wallride line`. Raises: MapError, with what to do."""
+def read_line(path: Path, map_file: Path | None = None) -> CourseLine:
+    """Return the line of a file of `wallride line`. Raises: MapError, with what to do.
+
+    map_file: the map that it is driven on; a line that names another one is refused.
+    """
     rows = []
     try:
         with path.open(encoding="utf-8", errors="replace") as file:
             for number, text in enumerate(file, 1):
                 if text.startswith("#"):
+                    if map_file is not None and (named := re.search(r", map ([0-9a-f]+)$", text.strip())):
+                        _check_map(path, named[1], map_file)
                     continue
                 rows.append(_row(path, number, text))
                 if len(rows) > MAX_POINTS:
@@ -50,6 +56,18 @@ def read_line(path: Path) -> CourseLine:
         )
     along_m = np.concatenate([[0.0], np.cumsum(steps_m)[:-1]])
     return CourseLine(places, along_m, table[:, 3], table[:, 4], table[:, 5], float(steps_m.sum()))
+
+
+def _check_map(path: Path, named: str, map_file: Path) -> None:
+    try:
+        known = fingerprint(map_file)
+    except (OSError, ValueError) as error:
+        raise MapError(str(error)) from error
+    if named != known:
+        raise MapError(
+            f"{path}: the line of another map than {map_file}, which was changed or made anew since."
+            f" Make it again: wallride line {map_file} -o {path}"
+        )
 
 
 def _row(path: Path, number: int, text: str) -> tuple[float, ...]:
@@ -72,7 +90,7 @@ def read_course(settings: PoseMapSettings, car: CarSettings) -> RaceCourse | Non
     beside = path.with_name(path.stem + LINE_SUFFIX)
     known = read_map(path)
     named = Path(settings.line).expanduser() if settings.line else beside if beside.is_file() else None
-    return course_of(known, settings.start, car, read_line(named) if named is not None else None)
+    return course_of(known, settings.start, car, read_line(named, path) if named is not None else None)
 
 
 def course_of(

@@ -5,11 +5,12 @@ alone does not tell where in it the wall is. A line of its heading, `# scale: 0.
 that the wheels reported.
 """
 
+import hashlib
 import logging
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -32,6 +33,7 @@ WALLS_SUFFIX: Final = ".walls.csv"
 """Ending of the file with the walls, in place of .yaml."""
 MAX_BYTES: Final = 64 << 20
 MAX_WALL_POINTS: Final = 500_000
+FINGERPRINT_DIGITS: Final = 12
 SCALES: Final = (0.5, 2.0)
 LAP_START: Final = (0.0, 0.0, 0.0)
 """Pose at which the lap of a map of `wallride map` began."""
@@ -95,6 +97,14 @@ def read_settings(path: Path) -> MapSettings:
         raise ValueError(f"{path}: occupied_thresh, {occupied_thresh:g}, is below free_thresh, {free_thresh:g}")
     is_raw = str(content.get("mode", "")).lower() == "raw"
     return MapSettings(image, cell_m, (x_m, y_m, yaw_rad), negate, free_thresh, occupied_thresh, is_raw)
+
+
+def fingerprint(path: Path) -> str:
+    """Return what tells the cells of a map from those of another. Raises: OSError, ValueError, YamlFileError."""
+    settings = read_settings(path)
+    digest = hashlib.sha256(repr(replace(settings, image=None)).encode())  # type: ignore[arg-type]
+    digest.update(settings.image.read_bytes())
+    return digest.hexdigest()[:FINGERPRINT_DIGITS]
 
 
 def read_pgm(settings: MapSettings) -> Floats:

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.map_files import fingerprint
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.racing.free_space import FreeSpace
 from wallride.sim.racing.line_file import save_picture, text_of
@@ -43,7 +44,8 @@ def run(options: argparse.Namespace) -> int:
         f"race line by wallride: {world.name}, {_course(options, world)}, mu {options.mu:g}, at least"
         f" {options.keep_m:g} m from walls, at most {options.speed_mps:g} m/s"
     )
-    target.write_text(text_of(line, about), encoding="utf-8")
+    map_print = fingerprint(Path(options.map)) if is_map(options.map) else ""
+    target.write_text(text_of(line, about, map_print), encoding="utf-8")
     save_picture(picture, world.outline_m, line, f"{world.name}: {line.length_m:.1f} m, {line.lap_s:.2f} s")
     if options.json == "-":
         print(json.dumps(figures(line)))  # noqa: T201 - this is the command's answer

@@ -15,13 +15,16 @@ from wallride.sim.racing.raceline import RaceLine
 COLUMNS: Final = ("s_m", "x_m", "y_m", "yaw_rad", "kappa_radpm", "vx_mps", "ax_mps2", "away_m")
 
 
-def text_of(line: RaceLine, about: str) -> str:
-    """Return the content of a line's file. about: one sentence on where it is from."""
+def text_of(line: RaceLine, about: str, map_print: str = "") -> str:
+    """Return the content of a line's file. about: one sentence on where it is from. map_print: of the map's cells."""
     columns = (
         line.along_m, line.x_m, line.y_m, line.yaw_rad, line.curvature_radpm, line.speed_mps, line.acceleration_mps2,
         line.away_m,
     )  # fmt: skip
-    head = [f"# {' '.join(about.split())}", f"# length {line.length_m:.3f} m, lap {line.lap_s:.3f} s, closed"]
+    of_map = f", map {map_print}" if map_print else ""
+    head = [
+        f"# {' '.join(about.split())}", f"# length {line.length_m:.3f} m, lap {line.lap_s:.3f} s, closed{of_map}"
+    ]  # fmt: skip
     rows = ("; ".join(f"{value:.5f}" for value in row) for row in np.column_stack(columns).tolist())
     return "\n".join([*head, f"# {'; '.join(COLUMNS)}", *rows, ""])
 

@@ -31,7 +31,7 @@ def take_race(options: argparse.Namespace) -> None:
     if options.race is None:
         return
     try:
-        line = read_line(line_of_map(options.race))
+        line = read_line(line_of_map(options.race), options.race)
         if options.world == DEFAULT_WORLD:
             options.world, start = world_of_map(options.race)
             options.pose = options.pose or start

@@ -7,7 +7,7 @@ from tests.runtime.control.line_following.lines import circle
 from tests.runtime.test_map_files import box, write
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.line_files import read_course, read_line
-from wallride.runtime.map_files import MapError
+from wallride.runtime.map_files import MapError, fingerprint
 from wallride.runtime.settings.pose_map import PoseMapSettings
 
 
@@ -58,3 +58,15 @@ def test_the_line_beside_the_map_is_taken_and_another_by_its_name(tmp_path):
     assert read_course(named, CarSettings()).line.speed_at(0.0) == 3.0
     with pytest.raises(MapError, match=r"none\.csv: No such file"):
         read_course(PoseMapSettings(file=str(map_), line=str(tmp_path / "none.csv")), CarSettings())
+
+
+@pytest.mark.parametrize("changed", [np.flipud, lambda shades: shades[:, :-1]])
+def test_the_line_of_another_map_is_refused_with_the_next_step(tmp_path, changed):
+    map_ = write(tmp_path, box())
+    line = map_.with_name(f"{map_.stem}.line.csv")
+    line.write_text(text(circle()).replace("# a line", f"# a line, map {fingerprint(map_)}"))
+    assert read_course(PoseMapSettings(file=str(map_)), CarSettings()).line is not None
+    write(tmp_path, changed(box()))
+    with pytest.raises(MapError, match=f"the line of another map than .*: wallride line {map_} -o {line}"):
+        read_course(PoseMapSettings(file=str(map_)), CarSettings())
+    assert read_line(line).length_m > 1.0, "without a map it is a line as any"

@@ -7,6 +7,8 @@ import pytest
 
 from tests.runtime.control.line_following.lines import circle
 from tests.runtime.test_line_files import text
+from tests.runtime.test_map_files import box, write
+from wallride.runtime.map_files import fingerprint
 from wallride.runtime.settings.tree import SettingsError
 from wallride.sim.figures.summary import Sample
 from wallride.sim.live.record import Record
@@ -66,6 +68,17 @@ def test_what_is_no_good_map_is_refused_in_a_sentence(race):
         take_race(options(race.with_name("loop")))
     race.write_text("# map by wallride of a.mcap, refused: the ring is open\n# world: loop\n")
     with pytest.raises(SettingsError, match="the map is refused: the ring is open"):
+        take_race(options(race))
+
+
+def test_the_line_of_another_map_is_refused(race):
+    line = race.with_name("lab.line.csv")
+    write(race.parent, box()).rename(race)
+    line.write_text(line.read_text().replace("# a line", f"# a line, map {fingerprint(race)}"))
+    race.write_text(f"# world: loop\n{race.read_text()}")
+    take_race(options(race))
+    race.write_text(race.read_text().replace("0.05", "0.06"))
+    with pytest.raises(SettingsError, match=r"lab\.line\.csv: the line of another map .* wallride line"):
         take_race(options(race))
 
 
