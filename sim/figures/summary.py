@@ -13,6 +13,8 @@ SETTLE_BAND_M = 0.05
 SETTLED_FOR_S = 2.0
 ON_THE_LINE_M = 0.02
 STANDING_FOR_S = 1.0
+OF_THE_WALL = frozenset({"mean_abs_error_m", "rms_error_m", "settle_s", "max_overshoot_m"})
+"""Figures that say nothing of a drive along a race line."""
 
 
 @dataclass(frozen=True, slots=True)

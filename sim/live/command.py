@@ -21,6 +21,7 @@ from wallride.sim.figures.comparison import compare
 from wallride.sim.live.drive_summary import (
     HEARD,
     failed_to_record,
+    laps_missing,
     plot_drive,
     recorded_words,
     summarize,
@@ -66,8 +67,8 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     """Run one simulated drive.
 
     Returns 0 when it was completed, by time, by laps or by Ctrl-C; 1 when the runtime failed, was not recorded although
-    that was wanted, drove without telemetry, so that its own report is missing, or a law or driver of the user's
-    failed; 2 for a wrong option or a taken port; 130 when it was killed.
+    that was wanted, drove without telemetry, so that its own report is missing, drove fewer laps than asked for, or a
+    law or driver of the user's failed; 2 for a wrong option or a taken port; 130 when it was killed.
     """
     console = Console(stderr=True)
     try:
@@ -99,7 +100,8 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     if summary["telemetry"] != HEARD:
         print(f"wallride: {summary['telemetry']}; winners and faults are not known", file=sys.stderr)  # noqa: T201
         return FAILED
-    if faults := UserCode.of(settings).faults(summary["faults"]):
+    missing = "" if options.recording is not None or stop.asked else laps_missing(summary, options.laps)
+    if faults := [*UserCode.of(settings).faults(summary["faults"]), *filter(None, [missing])]:
         print(f"wallride: {'; '.join(faults)}", file=sys.stderr)  # noqa: T201
         return FAILED
     return _judged(scenario, scene, console) if scenario is not None and scene is not None else 0

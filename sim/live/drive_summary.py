@@ -10,17 +10,19 @@ import numpy as np
 from rich.table import Table
 
 from wallride.runtime.arbitration.command import NO_WINNER
+from wallride.runtime.control.line_following.line_follower import DRIVES, JOINS
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.telemetry.screen_words import because, times
-from wallride.sim.figures.summary import SETTLE_BAND_M, device_faults
+from wallride.sim.figures.summary import OF_THE_WALL, SETTLE_BAND_M, device_faults
 from wallride.sim.live.record import Record
 from wallride.sim.world.place import World
 
 HEARD = "heard"
 """Value of telemetry in the summary: its statements about the runtime are that runtime's own."""
-FOR_PROGRAMS = frozenset({"began_unix_s", "session", "world", "recording"})
+FOR_PROGRAMS = frozenset({"began_unix_s", "session", "world", "recording", "seconds_by_reason"})
 """Fields of the summary that have no row in the table."""
 NOT_RECORDING, TRYING = "NOT recording: ", "; trying again"
+MOST_REASONS, LEAST_REASON_S = 3, 1.0
 Words = Callable[[Any], str]
 ROUND_FROM = 1000.0
 
@@ -29,7 +31,8 @@ def summarize(record: Record, settings: Settings) -> dict[str, Any]:
     """Return the figures that every drive has. settings: those at the start."""
     status = record.telemetry.get("status")
     winners = (status or {}).get("seconds_by_winner", {})
-    driven = record.sums.figures()
+    left_out = OF_THE_WALL if settings.wall_follow.method == "line" else frozenset()
+    driven = {name: value for name, value in record.sums.figures().items() if name not in left_out}
     return {
         "method": settings.wall_follow.method,
         "side": settings.wall_follow.side,
@@ -43,10 +46,30 @@ def summarize(record: Record, settings: Settings) -> dict[str, Any]:
         "scans_sent": record.scans,
         "scans_driven": status.get("scans") if status else None,
         "winners": {name: round(seconds, 2) for name, seconds in winners.items()} if status else None,
+        "seconds_by_reason": {name: round(seconds, 2) for name, seconds in record.reasons_s.items()},
+        "hard_stops": record.hard_stops,
         "faults": device_faults(status) | dict(record.own_faults) if status else None,
         "held_up": record.held_up.words,
         "recording": _recording((status or {}).get("recording")),
     }
+
+
+def laps_missing(summary: Mapping[str, Any], wanted: int | None) -> str:
+    """Return how many of the wanted laps were driven, and what kept the car from more; "" where none is missing."""
+    if wanted is None or summary["laps"] >= wanted:
+        return ""
+    told = sorted(summary["seconds_by_reason"].items(), key=lambda one: -one[1])
+    kept = [
+        f"{seconds:.0f} s: {reason}"
+        for reason, seconds in told
+        if reason not in {DRIVES, JOINS} and seconds >= LEAST_REASON_S
+    ]
+    stops = summary["hard_stops"]
+    why = ["it touched something"] if summary["collided"] else []
+    why += [f"{stops} hard stop{'s' if stops > 1 else ''}"] if stops else []
+    why += kept[:MOST_REASONS]
+    driven = f"{summary['laps']} of {wanted} laps in {summary['duration_s']:.0f} s"
+    return f"{driven}; {'; '.join(why)}" if why else f"{driven}; more time: --duration"
 
 
 def _stands_because(decision: Mapping[str, Any] | None) -> str | None:
@@ -182,6 +205,7 @@ ROWS: Mapping[str, tuple[str, Words]] = {
     "scans_sent": ("scans sent by the lidar", shown),
     "scans_driven": ("scans answered", shown),
     "winners": ("who decided", _winners),
+    "hard_stops": ("hard stops", lambda value: times(value) if value else ""),
     "faults": ("device faults", _faults),
     "held_up": ("this computer", str),
     "collided": ("touched something", shown),

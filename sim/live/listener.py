@@ -18,6 +18,9 @@ RETRY_S = 0.1
 ANSWER_WITHIN_S = 2.0
 MAX_CHANGES = 1000
 MAX_POSES = 20_000
+MAX_REASONS = 100
+LONGEST_S = 2.0
+"""Largest time between two messages of the status for which the reason of the first one holds."""
 TOPICS = (topics.STATUS, topics.DISTANCE_ERROR)
 """Displayed topics only: the runtime has to write every subscribed one."""
 _FLOAT32 = struct.Struct("<4xf")
@@ -27,7 +30,8 @@ class Listener:
     """Subscribes to one start of one car at a known endpoint; messages of another start are rejected.
 
     user_code: the user's laws and drivers. own_faults: how often each of their faults began.
-    poses: stamp, x and y of the car on its map, as the status tells them.
+    poses: stamp, x and y of the car on its map, as the status tells them. reasons_s: for how long it decided for which
+    reason.
     latest: the newest message of each topic; `distance_error` as {"error_m": metres}.
     problem: why nothing is received, "" while messages arrive.
     """
@@ -42,6 +46,7 @@ class Listener:
         self.own_faults: dict[str, int] = {}
         self.latest: dict[str, Mapping[str, Any]] = {}
         self.poses: list[tuple[float, float, float]] = []
+        self.reasons_s: dict[str, float] = {}
         self.problem = "nothing was heard from it"
         self._heard = asyncio.Event()
         self._bus: Bus | None = None
@@ -105,6 +110,7 @@ class Listener:
         if topic == topics.STATUS:
             status = topics.decode(payload)
             if status.get("session") == self._session:
+                self._count_reason(self.latest.get(topic, {}), status)
                 self.latest[topic], self.problem = status, ""
                 self._count_faults(self._user_code.faults_in(status))
                 self._heard.set()
@@ -116,6 +122,12 @@ class Listener:
         elif not self.problem:
             (error_m,) = _FLOAT32.unpack(payload)
             self.latest[topic] = {"error_m": error_m}
+
+    def _count_reason(self, before: Mapping[str, Any], status: Mapping[str, Any]) -> None:
+        reason = (before.get("output") or {}).get("reason")
+        if reason and (reason in self.reasons_s or len(self.reasons_s) < MAX_REASONS):
+            since_s = (status.get("stamp_s") or 0.0) - (before.get("stamp_s") or 0.0)
+            self.reasons_s[reason] = self.reasons_s.get(reason, 0.0) + min(max(since_s, 0.0), LONGEST_S)
 
     def _count_faults(self, faults: frozenset[str]) -> None:
         for fault in sorted(faults - self._faulty):

@@ -46,7 +46,8 @@ class Record:
     track: of the whole drive, thinned. scans: those that the lidar has sent.
     steering_rad: our answer to each scan, read from the wire before the next one; None where it is not needed.
     telemetry: the runtime's newest message of each topic. unheard: why there are none, "" if there are some.
-    poses: on its map, as its status told them: stamp, x, y.
+    poses: on its map, as its status told them: stamp, x, y. reasons_s: for how long it decided for which reason.
+    hard_stops: brakes of a moving car.
     address: address of the runtime. listen: endpoints that it was to have. starting_s: how long the start has taken.
     began_unix_s: when time_s was 0, since 1970. began_s: the same moment on the monotonic clock.
     changes: the settings that were changed while it drove.
@@ -73,6 +74,8 @@ class Record:
     telemetry: dict[str, Any] = field(default_factory=dict)
     own_faults: Mapping[str, int] = field(default_factory=dict)
     poses: Sequence[tuple[float, float, float]] = ()
+    reasons_s: Mapping[str, float] = field(default_factory=dict)
+    hard_stops: int = 0
     unheard: str = "the runtime did not say where its telemetry is"
     address: Address | None = None
     listen: Sequence[str] = ()

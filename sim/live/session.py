@@ -39,6 +39,8 @@ from wallride.sim.live.user_code import NO_USER_CODE, UserCode
 from wallride.sim.world.pose import Pose
 
 FAREWELL = "farewell"
+BRAKE, MOVES_MPS = "brake", 0.3
+"""A motor command that brakes a car of this speed is a hard stop."""
 STEP_S = 0.005
 SHOW_S = 0.1
 SUM_UP_S = 10.0
@@ -282,7 +284,7 @@ class SimulatorSession:
             return None
         listener = Listener(address.endpoint, address.car, address.session, self._user_code)
         self.record.telemetry, self.record.own_faults = listener.latest, listener.own_faults
-        self.record.poses = listener.poses
+        self.record.poses, self.record.reasons_s = listener.poses, listener.reasons_s
         if self._changes is not None:
             listener.answer(topics.SIMULATOR, self._changes.answer)
         return listener
@@ -352,8 +354,11 @@ class SimulatorSession:
             self.record.latency.scan_sent(sent_s)
 
     def _on_command(self, at_s: float, demand: MotorDemand) -> None:
-        self.record.latency.command_received(at_s)
-        self.record.stop_command = demand
+        record = self.record
+        record.latency.command_received(at_s)
+        braked = record.stop_command is not None and record.stop_command.kind == BRAKE
+        record.hard_stops += demand.kind == BRAKE and not braked and abs(self._vehicle.speed_mps) > MOVES_MPS
+        record.stop_command = demand
 
 
 def last_words(scene: LidarScene, duration_s: float, *, asked: bool) -> str:

@@ -11,7 +11,7 @@ from wallride.runtime.arbitration.command import NO_WINNER
 from wallride.runtime.control.perception.geometry import directions
 from wallride.runtime.control.score import Score
 from wallride.runtime.control.vehicle import CarSettings
-from wallride.sim.figures.summary import Sample, figures
+from wallride.sim.figures.summary import OF_THE_WALL, Sample, figures
 from wallride.sim.replay.decode import decode
 from wallride.sim.replay.drive_log import LoggedMessage
 from wallride.sim.replay.run import MuxChange, RecordedRun
@@ -52,6 +52,8 @@ def numbers(run: RecordedRun) -> dict[str, Any]:
         score.add(float(error_m), at_time(run.path.time_s, run.path.speed_mps, float(time_s)))
     found = stops(run)
     status = run.status
+    races = run.settings.wall_follow.method == "line"
+    driven = figures(samples(run), run.settings.wall_follow.desired_distance_m)
     return {
         "name": run.name,
         "car": run.car,
@@ -59,7 +61,8 @@ def numbers(run: RecordedRun) -> dict[str, Any]:
         "side": run.settings.wall_follow.side,
         "desired_distance_m": run.settings.wall_follow.desired_distance_m,
         "scans": len(run.scans),
-        **figures(samples(run), run.settings.wall_follow.desired_distance_m),
+        **{name: value for name, value in driven.items() if not (races and name in OF_THE_WALL)},
+        **(_laps(run) if races else {}),
         "duration_s": round(run.duration_s, 4),
         "top_speed_mps": _rounded(float(np.abs(run.path.speed_mps).max())) if len(run.path.speed_mps) else None,
         "distance_error": {"mean_abs_m": _rounded(score.mean_abs_m, 6), "rms_m": _rounded(score.rms_m, 6)},
@@ -68,6 +71,19 @@ def numbers(run: RecordedRun) -> dict[str, Any]:
         "standing_s": round(sum((_end(stop, run) - stop.from_s) for stop in found), 2),
         "scan_to_motor_ms": dict(status.get("scan_to_motor_ms") or {}),
         "winners": {name: round(float(s), 2) for name, s in (status.get("seconds_by_winner") or {}).items()},
+    }
+
+
+def _laps(run: RecordedRun) -> dict[str, Any]:
+    """Return the laps along the line as the car's status told them, and how far from it the last one was."""
+    told = [race for _, fields in run.statuses if (race := (fields.get("pose") or {}).get("race"))]
+    newest = {race["laps"]: race for race in told if race["laps"]}
+    last = newest[max(newest)] if newest else {}
+    return {
+        "laps": max(newest, default=0),
+        "lap_times_s": [round(race["time_s"], 3) for _, race in sorted(newest.items())],
+        "line_rms_m": last.get("rms_m"),
+        "line_largest_m": last.get("largest_m"),
     }
 
 
@@ -181,6 +197,7 @@ def truth_of(summary: Mapping[str, Any]) -> dict[str, Any]:
     """Return the part of a summary of `wallride sim --json` that stands beside the car's own figures."""
     names = (
         "distance_m", "mean_abs_error_m", "rms_error_m", "settle_s", "max_overshoot_m", "min_clearance_m",
-        "mean_speed_mps", "laps", "lap_times_s", "collided", "world", "began_unix_s",
+        "mean_speed_mps", "laps", "lap_times_s", "line_rms_m", "line_largest_m", "trajectory_rms_m",
+        "trajectory_largest_m", "collided", "world", "began_unix_s",
     )  # fmt: skip
     return {name: summary[name] for name in names if name in summary}

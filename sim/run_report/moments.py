@@ -36,6 +36,7 @@ def moments(run: RecordedRun, laps_s: Sequence[float] = ()) -> dict[str, Any]:
     car = run.settings.car
     return {
         "name": run.name,
+        "races": run.settings.wall_follow.method == "line",
         "duration": round(run.duration_s, 3),
         "car": [car.front_m, car.rear_m, car.half_width_m, car.lidar_x_m, car.lidar_y_m],
         "decisions": [_decision(change) for change in run.changes],

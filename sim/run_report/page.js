@@ -40,7 +40,7 @@ class Moment {
     const steering = at("steering");
     set("steering", !known(steering) ? "–" : Math.abs(steering) < 0.5 ? "straight" : `${Math.abs(steering).toFixed(0)}° ${steering > 0 ? "left" : "right"}`);
     const error = at("error");
-    set("error", known(error) ? `${rounded(error, 3)} m` : "no wall");
+    set("error", known(error) ? `${rounded(error, 3)} m` : this.told.races ? "not on the line" : "no wall");
     const laps = this.told.laps, done = newest(laps, view.now) + 1;
     if (laps.length) set("lap", done < laps.length ? `${done + 1} of ${laps.length}` : `${done} complete`);
   }

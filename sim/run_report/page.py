@@ -115,7 +115,7 @@ def _over_time(runs: Sequence[Shown], charts: dict[str, dict[str, Any]]) -> list
         for number, (time_s, _) in enumerate(one.run.faults[:MAX_MARKED], 1)
     ]
     parts = (
-        ("error", "Distance error over time", _error_words(runs), "m", _errors(runs)),
+        ("error", *_error_words(runs), "m", _errors(runs)),
         ("speed", "Speed", "What the driver wished, what was sent, what the wheels did.", "m/s", _speeds(runs)),
         ("steering", "Steering sent", "Left is positive.", "°", _steering(runs)),
         ("latency", "From a scan to the motor", "Over the newest 400 scans at each moment; p50 and p99.", "ms",
@@ -139,9 +139,14 @@ def _errors(runs: Sequence[Shown]) -> list[ChartLine]:
     ]
 
 
-def _error_words(runs: Sequence[Shown]) -> str:
-    wanted = " and ".join(dict.fromkeys(tables.distances(one.run) for one in runs))
-    return f"Distance to the wall less the wanted {wanted}; the band is ±{100 * SETTLE_BAND_M:g} cm."
+def _error_words(runs: Sequence[Shown]) -> tuple[str, str]:
+    """Return title and description of the chart of errors."""
+    wanted = " and ".join(dict.fromkeys(tables.distances(one.run) for one in runs if not one.races))
+    words = [f"Distance to the wall less the wanted {wanted}"] if wanted else []
+    if any(one.races for one in runs):
+        words.append("Distance from the race line, left positive, while it was driven")
+    title = "Distance error over time" if wanted else "Distance from the race line over time"
+    return title, f"{'; '.join(words)}; the band is ±{100 * SETTLE_BAND_M:g} cm."
 
 
 def _speeds(runs: Sequence[Shown]) -> list[ChartLine]:

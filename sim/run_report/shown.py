@@ -36,6 +36,11 @@ class Shown:
         began_s = float(truth.get("began_unix_s") or self.run.zero_unix_s) - self.run.zero_unix_s
         return [began_s + end_s for end_s in accumulate(truth.get("lap_times_s") or ())]
 
+    @property
+    def races(self) -> bool:
+        """Return whether its errors are distances from a race line, not from a wall."""
+        return self.run.settings.wall_follow.method == "line"
+
     def tagged(self, text: str) -> str:
         """Return a series' or a mark's name, with the run's tag where there are two."""
         return f"{self.tag} {text}" if self.tag and text else self.tag or text

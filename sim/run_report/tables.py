@@ -23,6 +23,10 @@ ROWS = (
     ("min_clearance_m", "nearest thing to the outline", "m"),
     ("laps", "laps", ""),
     ("lap_times_s", "lap times", "s"),
+    ("line_rms_m", "last lap off the line, RMS", "m"),
+    ("line_largest_m", "last lap off the line, at most", "m"),
+    ("trajectory_rms_m", "found poses off the truth, RMS", "m"),
+    ("trajectory_largest_m", "found poses off the truth, at most", "m"),
     ("collided", "touched something", ""),
 )
 ROUND_FROM = 1000.0
@@ -34,18 +38,27 @@ def head(shown: Shown) -> str:
     """Return name, facts and the largest figures of a run."""
     run, numbers = shown.run, shown.numbers
     follow = run.settings.wall_follow
+    course = "race line" if shown.races else f"{follow.side} wall at {distances(run)}, {numbers['method']}"
     facts = [
-        f"{follow.side} wall at {distances(run)}, {numbers['method']}, {follow.speed_mps:g} m/s asked",
+        f"{course}, {follow.speed_mps:g} m/s asked",
         f"safety: {run.settings.safety.method}",
         f"world: {shown.world}" if shown.world else "",
-        _laps((shown.truth or {}).get("lap_times_s") or ()),
+        _laps((shown.truth or {}).get("lap_times_s") or numbers.get("lap_times_s") or ()),
         run.began,
         f"wallride {run.version}" if run.version else "",
         run.source,
     ]
+    error = numbers["distance_error"]
+    errors = (
+        [("mean distance from the line", text(error["mean_abs_m"], "m")), ("laps", str(numbers["laps"]))]
+        if shown.races
+        else [
+            ("mean absolute error", text(numbers["mean_abs_error_m"], "m")),
+            ("RMS error", text(numbers["rms_error_m"], "m")),
+        ]
+    )
     tiles = (
-        ("mean absolute error", text(numbers["mean_abs_error_m"], "m")),
-        ("RMS error", text(numbers["rms_error_m"], "m")),
+        *errors,
         ("distance", text(numbers["distance_m"], "m", 1)),
         ("stops", str(numbers["stops"])),
         ("scan to motor, p99", text(numbers["scan_to_motor_ms"].get("p99"), "ms", 1)),
@@ -98,7 +111,9 @@ def figures(runs: Sequence[Shown]) -> str:
         if any(name in column for _, column in columns):
             cells = "".join(_cell(name, column.get(name), unit, known=name in column) for _, column in columns)
             rows.append(f"<tr><th>{escape(title)}</th>{cells}</tr>")
-    for name, title in (("mean_abs_m", "mean absolute error"), ("rms_m", "RMS error")):
+    kinds = {shown.races for shown in runs}
+    what = "error" if kinds == {False} else "distance from the line" if kinds == {True} else "error (line: from it)"
+    for name, title in (("mean_abs_m", f"mean absolute {what}"), ("rms_m", f"RMS {what}")):
         cells = "".join(
             _cell(f"distance_error.{name}", column.get("distance_error", {}).get(name), "m", known=column is own)
             for own, column in _with_own(runs)

@@ -185,10 +185,10 @@ class LineFollower:
         return Guidance(Drive(speed_mps, steering_rad), math.nan, on.aside_m, heading_rad, reason)
 
     def _by_wall(self, guidance: Guidance, reason: str) -> Guidance:
-        """Follow the wall, and say why."""
+        """Follow the wall, and say why; its distance is no error from the line."""
         self._joined, self._on = False, None
         self._laps.begin()
-        return guidance if guidance.drive is None else replace(guidance, reason=reason)
+        return replace(guidance, reason=reason if guidance.drive is not None else guidance.reason, error_m=math.nan)
 
     def _tyres(self) -> Tyres:
         settings = self._settings

@@ -10,10 +10,11 @@ import pytest
 from rich.console import Console
 
 from tests.sim.live.emulated import car, running
+from wallride import cli
 from wallride.runtime.parameters.history import SettingChange
-from wallride.runtime.settings.tree import Settings
+from wallride.runtime.settings.tree import Settings, load_settings
 from wallride.sim.figures.summary import Sample
-from wallride.sim.live import drive_summary
+from wallride.sim.live import command, drive_summary
 from wallride.sim.live.record import MAX_TRACK, Record, ThinnedTrack
 
 
@@ -167,3 +168,41 @@ async def test_emulate_tells_it_while_the_car_drives(tmp_path):
             while not said:
                 await asyncio.sleep(0.01)
     assert said[0].startswith("this computer is too busy to be a car")
+
+
+def test_a_race_has_no_figures_of_the_wall():
+    settings = load_settings(None, ["wall_follow.method=line"])
+    for one, wall in ((settings, False), (Settings(), True)):
+        told = drive_summary.summarize(Record(1.0), one)
+        assert ({"mean_abs_error_m", "rms_error_m", "settle_s", "max_overshoot_m"} <= set(told)) is wall
+        assert {"distance_m", "hard_stops"} <= set(told)
+
+
+AGAINST = "the race line goes the other way: along the wall"
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"laps": 5}, ""),
+        ({"laps": 2}, "2 of 5 laps in 300 s; more time: --duration"),
+        ({"laps": 0, "hard_stops": 1, "collided": True}, "0 of 5 laps in 300 s; it touched something; 1 hard stop"),
+        (
+            {"laps": 1, "hard_stops": 3, "seconds_by_reason": {"race line": 90.0, AGAINST: 140.4, "wall ahead": 0.3}},
+            f"1 of 5 laps in 300 s; 3 hard stops; 140 s: {AGAINST}",
+        ),
+    ],
+)
+def test_why_laps_are_missing_is_told(changes, said):
+    summary = {"laps": 0, "duration_s": 300.0, "collided": False, "hard_stops": 0, "seconds_by_reason": {}, **changes}
+    assert drive_summary.laps_missing(summary, 5) == said
+    assert drive_summary.laps_missing(summary, None) == ""
+
+
+@pytest.mark.parametrize(("laps", "code"), [(2, 1), (3, 0)])
+def test_a_drive_of_fewer_laps_than_asked_for_has_failed(monkeypatch, capsys, laps, code):
+    summary = {"world": "loop", "laps": laps, "duration_s": 40.0, "collided": False, "hard_stops": 2, "faults": {}}
+    summary |= {"seconds_by_reason": {}, "recording": None, "telemetry": drive_summary.HEARD}
+    monkeypatch.setattr(command, "_drive", lambda *_, **__: summary)
+    assert cli.main(["sim", "loop", "--laps", "3", "--headless"]) == code
+    assert ("wallride: 2 of 3 laps in 40 s; 2 hard stops" in capsys.readouterr().err) is bool(code)

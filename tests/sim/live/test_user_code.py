@@ -4,7 +4,7 @@ import pytest
 
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.wire import topics
-from wallride.sim.live.listener import Listener
+from wallride.sim.live.listener import LONGEST_S, Listener
 from wallride.sim.live.user_code import NO_USER_CODE, UserCode
 
 LAW, DRIVER = "my_laws:Law", "my_lidar:Driver"
@@ -40,6 +40,15 @@ def test_the_beginnings_of_a_fault_are_counted():
         listener._on_sample(key, topics.encode(status(**gates)), 0.0)
     listener._on_sample(key, topics.encode(status(session="2", safety=FAULT.replace("lost", "other"))), 0.0)
     assert listener.own_faults == {FAULT: 2}
+
+
+def test_for_how_long_the_car_decided_for_which_reason_is_summed():
+    listener = Listener("tcp/127.0.0.1:1", "car1", "1")
+    key = topics.key("car1", topics.STATUS)
+    for stamp_s, reason in ((5.0, "wall"), (5.5, "wall"), (6.0, "wall ahead"), (9.0, "wall"), (9.5, "wall")):
+        told = {"session": "1", "stamp_s": stamp_s, "output": {"reason": reason}}
+        listener._on_sample(key, topics.encode(told), 0.0)
+    assert listener.reasons_s == {"wall": 1.5, "wall ahead": LONGEST_S}
 
 
 def test_the_built_in_parts_are_none_of_the_users():

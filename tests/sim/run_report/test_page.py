@@ -4,6 +4,7 @@ import base64
 import json
 import logging
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import pytest
 from tests.sim.replay.recorded import options as offline
 from tests.sim.replay.recorded import record
 from tests.sim.run_report.conftest import DRIVE
+from wallride.runtime.settings.tree import load_settings
 from wallride.sim.recordings import RecordingError
 from wallride.sim.replay.decode import decode
 from wallride.sim.replay.drive_log import read_log
@@ -148,6 +150,24 @@ def test_world_and_laps_are_told_where_the_simulator_said_them(run):
     written = page(shown(run, truth))
     assert "world: loop · 2 laps, best 11.5 s" in written
     assert data_of(written)["runs"][0]["laps"] == [13.5, 25.0]
+
+
+def test_a_race_has_its_laps_and_its_distance_from_the_line(run):
+    laps = [(1.0, 0, None, None), (4.0, 1, 9.2, 0.06), (6.0, 1, 9.2, 0.06), (8.0, 2, 8.4, 0.04)]
+    told = [
+        (at_s, {**run.status, "pose": {"race": {"laps": done, "time_s": took_s, "rms_m": rms_m, "largest_m": rms_m}}})
+        for at_s, done, took_s, rms_m in laps
+    ]
+    race = replace(run, settings=load_settings(None, ["wall_follow.method=line"]), statuses=told)
+    written = page(shown(race, {"laps": 2, "line_rms_m": 0.03}))
+    cells = Reader(written).cells
+    assert (cells["laps"], cells["lap_times_s"]) == (["2", "2"], ["9.2, 8.4 s"])
+    assert (cells["line_rms_m"], cells["line_largest_m"]) == (["0.04 m", "0.03 m"], ["0.04 m"])
+    assert "<h2>Distance from the race line over time</h2>" in written
+    assert "2 laps, best 8.4 s" in written
+    assert not {"settle_s", "max_overshoot_m", "mean_abs_error_m", "rms_error_m"} & set(cells)
+    titles = re.findall("<tr><th>([^<]*)</th><td data-name", written)
+    assert len(titles) == len(set(titles))
 
 
 def test_a_long_line_keeps_its_extremes_and_its_gaps():
