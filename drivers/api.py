@@ -35,6 +35,20 @@ class Returns(Protocol):
         ...
 
 
+@value()
+class Correction:
+    """The motion that a driver took out of a scan, as it was known then: that of the lidar in its own frame.
+
+    x_mps, y_mps: velocity. yaw_rate_radps: rate of turn. ray_s: time from one beam of the array to the next, negative
+    where the array runs against the sensor's turn.
+    """
+
+    x_mps: float
+    y_mps: float
+    yaw_rate_radps: float
+    ray_s: float
+
+
 @value(eq=False)
 class Scan:
     """One lidar revolution in the lidar frame (x forward, y left, angles counter-clockwise, REP-103).
@@ -48,6 +62,7 @@ class Scan:
     ray_s: time from one beam of the array to the next, negative where the array runs against the sensor's turn; 0.0:
         all beams are as seen at stamp_s.
     returns: what the sensor said of beams without a distance, None where it is not known. No law reads it.
+    correction: what its driver changed to make it so, None for nothing. No law reads it.
     """
 
     stamp_s: float
@@ -60,6 +75,7 @@ class Scan:
     sequence: int
     ray_s: float = 0.0
     returns: Returns | None = None
+    correction: Correction | None = None
 
 
 @value()

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from wallride.drivers.api import Health, LinkState, Scan
-from wallride.drivers.turning.grid import AskMotion, Mount, cells_for, resample
+from wallride.drivers.api import Correction, Health, LinkState, Scan
+from wallride.drivers.turning.grid import AskMotion, Motion, Mount, cells_for, resample
 from wallride.drivers.turning.repetition import Repetition
 from wallride.drivers.turning.samples import SampleDecoder
 from wallride.drivers.turning.turns import Turn, Turns
@@ -97,8 +97,8 @@ class TurnStream:
         if not self.beams:
             self._health.count("sparse")
             return
-        ranges_m = self._ranges_m(turn)
-        if ranges_m is None:
+        motion = self._motion()
+        if self.repetition.is_stored(turn.range_m, motion.x_mps, turn.duration_s):
             self._health.count("stored turn")
             return
         self.delivered_s = read_at_s
@@ -113,17 +113,18 @@ class TurnStream:
                 angle_step_rad=math.tau / self.beams,
                 range_min_m=self._facts.range_min_m,
                 range_max_m=self._facts.range_max_m,
-                ranges_m=ranges_m,
+                ranges_m=self._ranges_m(turn, motion),
                 sequence=number,
+                correction=self._correction(turn, motion),
             )
         )
 
-    def _ranges_m(self, turn: Turn) -> npt.NDArray[np.float32] | None:
-        """Return the scan of a turn, None where it is a stored one."""
-        motion = self._motion()
-        if self.repetition.is_stored(turn.range_m, motion.x_mps, turn.duration_s):
-            return None
+    def _ranges_m(self, turn: Turn, motion: Motion) -> npt.NDArray[np.float32]:
         return resample(turn, motion, self._mount, self.beams, self._facts.range_min_m, self._facts.range_max_m)
+
+    def _correction(self, turn: Turn, motion: Motion) -> Correction:
+        ray_s = turn.duration_s / self.beams * (1.0 if self._mount.upside_down else -1.0)
+        return Correction(motion.x_mps, motion.y_mps, motion.yaw_rate_radps, ray_s)
 
     def _fit(self, samples: int) -> None:
         """Choose another grid where the head turns faster for a while than the grid allows."""

@@ -1,76 +1,11 @@
-"""A car without a tachometer, whole and in virtual time: the unmodified runtime, a PCA9685 behind its bus, an ESC that
-drives a quarter faster than its settings say, and a simulated car whose scans alone tell the speed."""
-
-import asyncio
+"""A car without a tachometer (`pwm_drive`): it drives by its scans alone, and what they and its board show stops it."""
 
 import numpy as np
 import pytest
 
+from tests.system.pwm_drive import PwmDrive
 from wallride.drivers.api import LinkState
-from wallride.drivers.pca9685.driver import Pca9685
 from wallride.drivers.pca9685.settings import Pca9685Settings
-from wallride.drivers.vesc.settings import VescSettings
-from wallride.runtime.app import Car
-from wallride.runtime.settings.tree import Settings
-from wallride.sim.car.plant import Plant
-from wallride.sim.car.vehicle import Vehicle
-from wallride.sim.devices.esc import EmulatedEsc, esc_of
-from wallride.sim.devices.pca9685 import Pca9685Chip
-from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
-from wallride.sim.virtual.devices import MemoryBus, MemoryLidar
-from wallride.sim.virtual.virtual_time import run_virtual
-from wallride.sim.world.beams import scan
-from wallride.sim.world.worlds import load_world
-
-LEFT_RAD = np.radians(np.linspace(30.0, 150.0, 121))
-
-
-class PwmDrive:
-    """A drive; `seen` has time, true speed, and distance to the wall on the left, of each scan."""
-
-    def __init__(self, world, speed_mps=1.0):
-        self.world = load_world(world)
-        self.settings = Settings.model_validate({
-            "motor": {"driver": "pca9685"},
-            "operator": {"permit": "always"},
-            "wall_follow": {"speed_mps": speed_mps},
-            "telemetry": {"enabled": False},
-        })  # fmt: skip
-        self.seen = []
-        self.hidden = False
-
-    def run(self, seconds, *events):
-        async def main():
-            loop = asyncio.get_running_loop()
-            self.now = loop.time
-            assert isinstance(self.settings.motor, Pca9685Settings)
-            self.esc = EmulatedEsc(esc_of(self.settings.motor))
-            self.chip = Pca9685Chip(self.esc, clock=loop.time)
-            self.vehicle = Vehicle(pose=self.world.start)
-            plant, rng = Plant(self.vehicle, self.esc, VescSettings(), loop.time()), np.random.default_rng(5)
-
-            def look(now_s):
-                plant.advance(now_s)
-                pose = self.vehicle.pose
-                wall_m = self.world.cast(pose.x_m, pose.y_m, LEFT_RAD + pose.yaw_rad).min()
-                self.seen.append((now_s, self.vehicle.speed_mps, wall_m))
-                sent_mm = scan(self.world, pose, self.vehicle.twist, now_s, rng, ROUGH_BEAMS)
-                return as_scan(sent_mm, ROUGH_BEAMS, now_s, 0).ranges_m
-
-            self.motor = Pca9685(self.settings.motor, clock=loop.time, open_bus=self.chip.open)
-            self.car = Car(self.settings, MemoryLidar(look, loop.time), self.motor, MemoryBus(loop.time), loop.time)
-            self.car.connect()
-            stop = asyncio.Event()
-            for at_s, event in events:
-                loop.call_at(at_s, event, self)
-            loop.call_at(seconds, stop.set)
-            await self.car.drive(stop)
-
-        run_virtual(main())
-        return np.array(self.seen)
-
-    def reason(self):
-        return self.car.mux.output.decision.reason
 
 
 def test_it_follows_the_wall_at_one_metre_a_second_by_its_scans_alone():

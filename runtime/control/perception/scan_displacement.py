@@ -9,13 +9,13 @@ contains what the walls tell: parallel walls tell nothing about the way along th
 
 import cmath
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
-from wallride.drivers.api import Scan
+from wallride.drivers.api import Correction, Scan
 from wallride.runtime.control.perception.geometry import Booleans, Floats, Places, bearings_rad
 
 PATCHES = 180
@@ -97,6 +97,22 @@ def _beams(angle_min_rad: float, angle_step_rad: float, beams: int) -> Places:
     turned: Places = np.exp(1j * bearings_rad(angle_min_rad, angle_step_rad, beams))
     turned.setflags(write=False)
     return turned
+
+
+def corrected_anew(patches: Patches, done: Correction, wanted: Correction) -> Patches:
+    """Return the patches as they were if their driver had taken out another motion. ray_s: that of `done`."""
+    beams = patches.kind[2]
+    beam = np.arange(0.0, beams, max(1, beams // PATCHES))
+    age_s: Floats = done.ray_s * (beams - 1.0 - beam) if done.ray_s > 0.0 else -done.ray_s * beam
+    turned: Places = np.exp(1j * (done.yaw_rate_radps - wanted.yaw_rate_radps) * age_s)
+    middle_m: Places = (patches.middle_m + _moved_m(done, age_s)) * turned - _moved_m(wanted, age_s)
+    return replace(patches, middle_m=middle_m, normals=patches.normals * turned)
+
+
+def _moved_m(motion: Correction, age_s: Floats) -> Places:
+    """Return the way since, in the frame of now."""
+    moved_m: Places = complex(motion.x_mps, motion.y_mps) * age_s * np.exp(-0.5j * motion.yaw_rate_radps * age_s)
+    return moved_m
 
 
 def displacement(before: Patches, after: Patches, turn_rad: float) -> Displacement | None:

@@ -4,6 +4,9 @@ Each scan's displacement since a key scan, one a little while back, is taken for
 car, as uncertain as the walls leave it; a Kalman filter of way and speed, with an acceleration that is noise, makes a
 speed of it. Between parallel walls without an end or a door no displacement tells the way: the spread grows until one
 does.
+
+The driver of a slow lidar takes the car's motion out of a turn, by this very estimate. An error of it would come back
+as a way that was driven, and grow: so each scan is corrected anew by the speed that was taken out of its key.
 """
 
 import cmath
@@ -13,10 +16,16 @@ from typing import Final
 
 import numpy as np
 
-from wallride.drivers.api import MotorState, Scan
+from wallride.drivers.api import Correction, MotorState, Scan
 from wallride.drivers.pwm.speed import EstimatedSpeed
 from wallride.runtime.control.perception.geometry import Floats
-from wallride.runtime.control.perception.scan_displacement import Displacement, Patches, displacement, patches_of
+from wallride.runtime.control.perception.scan_displacement import (
+    Displacement,
+    Patches,
+    corrected_anew,
+    displacement,
+    patches_of,
+)
 from wallride.runtime.control.vehicle import CarSettings
 
 KEY_M, KEY_RAD, KEY_S = 0.5, 0.3, 0.6
@@ -44,6 +53,7 @@ class ScanSpeed:
         self.estimate = EstimatedSpeed(-math.inf, 0.0, math.inf)
         self._stamp_s = -math.inf
         self._key: Patches | None = None
+        self._corrected_mps = self._curvature_per_m = 0.0
         self._begin_anew()
 
     def learn(self, scan: Scan, motor: MotorState | None) -> EstimatedSpeed:
@@ -53,15 +63,15 @@ class ScanSpeed:
         patches = patches_of(scan)
         if not 0.0 < step_s < GAP_S or self._key is None:
             self._begin_anew()
-            self._take_key(patches)
+            self._take_key(patches, scan.correction)
         else:
             self._predict(step_s, motor.steering_rad if motor is not None else 0.0)
-            found = self._displacement(self._key, patches)
+            found = self._displacement(self._key, self._like_the_key(patches, scan.correction))
             if found is not None:
                 self._measure(found)
             self._key_s += step_s
             if abs(self._state[0]) > KEY_M or abs(self._turn_rad) > KEY_RAD or self._key_s > KEY_S or found is None:
-                self._take_key(patches)
+                self._take_key(patches, scan.correction)
         spread_mps = math.sqrt(max(self._covariance[1, 1], 0.0))
         self.estimate = EstimatedSpeed(scan.stamp_s, float(self._state[1]), spread_mps)
         return self.estimate
@@ -72,9 +82,11 @@ class ScanSpeed:
         self._key_s = self._turn_rad = 0.0
         self._misfits = 0
 
-    def _take_key(self, patches: Patches) -> None:
+    def _take_key(self, patches: Patches, done: Correction | None) -> None:
         """Count the way from this scan on."""
         self._key, self._key_s, self._turn_rad = patches, 0.0, 0.0
+        if done is not None:
+            self._corrected_mps = done.x_mps + done.yaw_rate_radps * self._car.lidar_y_m
         self._state[0] = 0.0
         self._covariance[0, :] = self._covariance[:, 0] = 0.0
 
@@ -87,8 +99,16 @@ class ScanSpeed:
             self._covariance[1, :] *= math.sqrt(share)  # both, so that way and speed stay consistent
             self._covariance[:, 1] *= math.sqrt(share)
         most_rad = self._car.max_steering_rad
-        curvature_per_m = math.tan(min(max(steering_rad, -most_rad), most_rad)) / self._car.wheelbase_m
-        self._turn_rad += float(self._state[1]) * step_s * curvature_per_m
+        self._curvature_per_m = math.tan(min(max(steering_rad, -most_rad), most_rad)) / self._car.wheelbase_m
+        self._turn_rad += float(self._state[1]) * step_s * self._curvature_per_m
+
+    def _like_the_key(self, patches: Patches, done: Correction | None) -> Patches:
+        """Return the patches as if their driver had known the speed that it took out of the key."""
+        if done is None:
+            return patches
+        rate_radps = self._corrected_mps * self._curvature_per_m
+        wanted_mps = self._corrected_mps + 1j * rate_radps * self._car.lidar_m
+        return corrected_anew(patches, done, Correction(wanted_mps.real, wanted_mps.imag, rate_radps, done.ray_s))
 
     def _displacement(self, key: Patches, patches: Patches) -> Displacement | None:
         """Return the displacement since the key, looked for around the predicted one."""

@@ -10,6 +10,7 @@ from wallride.drivers.pwm.speed_loop import SURE_MPS
 from wallride.runtime.control.perception.scan_speed import ScanSpeed
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.virtual.closed_loop import as_scan
+from wallride.sim.virtual.turning_sensor import TurningSensor
 from wallride.sim.world.beams import LidarSettings, scan
 from wallride.sim.world.pose import Pose, Twist
 from wallride.sim.world.worlds import load_world
@@ -51,6 +52,18 @@ def test_the_speed_is_told_in_a_loop(speed_mps, rate_hz):
 def test_the_speed_is_told_in_a_bend():
     later = estimates("loop", 1.0, steering_rad=STEERING_RAD, seconds=1.5)[40:]
     assert np.abs(later[:, 1].mean() - 1.0) < 0.05
+
+
+@pytest.mark.parametrize("word", ["a1", "x4", "x2"])
+def test_no_way_is_driven_by_what_a_slow_lidars_driver_takes_the_speed_for(word):
+    place, learns, told_mps, found = load_world("loop"), ScanSpeed(CAR), [1.5, 0.5], []
+    sensor = TurningSensor(
+        word, LIDAR, CAR, lambda: MotorState(0.0, told_mps[len(found) % 2], 0.0, 0.0), np.random.default_rng(3)
+    )
+    for step in range(800):
+        pose = Pose(place.start.x_m + 0.005 * step, place.start.y_m, place.start.yaw_rad)
+        found += [learns.learn(one, None).speed_mps for one in sensor.measure(0.005 * step, place, pose)]
+    assert np.abs(np.array(found[len(found) // 2 :]) - 1.0).max() < 0.2
 
 
 def test_between_bare_walls_nothing_is_told():
