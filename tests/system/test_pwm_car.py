@@ -15,6 +15,15 @@ def test_it_follows_the_wall_at_one_metre_a_second_by_its_scans_alone():
     assert moving[:, 1].mean() == pytest.approx(1.0, abs=0.05)
 
 
+def test_it_does_so_with_the_slowest_lidar():
+    drive = PwmDrive("loop", lidar="x2")
+    seen = drive.run(14.0)
+    moving = seen[seen[:, 0] > 4.0]
+    assert np.abs(moving[:, 2] - 1.0).mean() < 0.10
+    assert np.abs(moving[:, 1] - 1.0).max() < 0.4
+    assert not moving[:, 3].any(), "it is told its speed all the time"
+
+
 def test_between_bare_walls_it_is_slow_and_says_so():
     said = []
     drive = PwmDrive("corridor")

@@ -29,6 +29,8 @@ SEEN_SHARE = 0.8
 FLAT_M, LONG_M, LINE_RAD = 0.03, 0.17, 0.06
 """Maximum standard deviations of a patch's points across and along its line, and of the line's direction. Longer ones
 are grazed walls, whose lines belong to the bearing and not to the wall."""
+LONG_STEPS = 3.0
+"""The same limit in distances between beams, of walls that are far for the lidar: those of MIN_BEAMS are 2 long."""
 GATES_M = (0.3, 0.12, 0.06)
 """Maximum distance of a patch from its line, for each iteration."""
 ALONG_M = 0.4
@@ -73,7 +75,8 @@ def patches_of(scan: Scan) -> Patches:
         seen = (scan.ranges_m > MIN_RANGE_M) & (scan.ranges_m < MAX_RANGE_M)  # NaN is neither
     range_m = np.where(seen, scan.ranges_m, 0.0)
     places = range_m * _beams(scan.angle_min_rad, step_rad, beams)
-    wide = PATCH_M / np.maximum(range_m[at] * abs(step_rad), 1e-9)
+    apart_m = np.maximum(range_m[at] * abs(step_rad), 1e-9)
+    wide = PATCH_M / apart_m
     half = np.clip(np.rint(wide), MIN_BEAMS, MAX_BEAMS).astype(np.intp)
     first, last = np.maximum(at - half, 0), np.minimum(at + half + 1, beams)
     sums = np.zeros((4, beams + 1), np.complex128)
@@ -85,7 +88,8 @@ def patches_of(scan: Scan) -> Patches:
     spread = square / count - middle_m * middle_m
     along_less_across, both = np.abs(spread), size.real / count - np.abs(middle_m) ** 2
     across, along = np.maximum(both - along_less_across, 2e-6) / 2, (both + along_less_across) / 2
-    flat = seen[at] & (count >= SEEN_SHARE * (2 * half + 1)) & (across < FLAT_M**2) & (along < LONG_M**2)
+    flat = seen[at] & (count >= SEEN_SHARE * (2 * half + 1)) & (across < FLAT_M**2)
+    flat &= along < np.maximum(LONG_M, LONG_STEPS * apart_m) ** 2
     flat &= across < LINE_RAD**2 * count * along
     normals = 1j * np.sqrt(spread / np.maximum(along_less_across, 1e-12))
     kind = scan.angle_min_rad, every * step_rad, beams

@@ -66,6 +66,18 @@ def test_no_way_is_driven_by_what_a_slow_lidars_driver_takes_the_speed_for(word)
     assert np.abs(np.array(found[len(found) // 2 :]) - 1.0).max() < 0.2
 
 
+@pytest.mark.parametrize("word", ["c1", "x2"])
+def test_the_far_end_of_a_lane_tells_the_speed_to_a_lidar_of_one_degree(word):
+    place, learns = load_world("loop"), ScanSpeed(CAR)
+    motor = MotorState(0.0, 1.0, 0.0, 0.0)
+    sensor = TurningSensor(word, LIDAR, CAR, lambda: motor, np.random.default_rng(3))
+    spreads_mps = []
+    for step in range(300):
+        pose = Pose(0.005 * step, place.start.y_m, 0.0)
+        spreads_mps += [learns.learn(one, motor).spread_mps for one in sensor.measure(0.005 * step, place, pose)]
+    assert max(spreads_mps[len(spreads_mps) // 2 :]) < SURE_MPS
+
+
 def test_between_bare_walls_nothing_is_told():
     later = estimates("corridor", 1.0)[40:]
     assert (later[:, 2] > SURE_MPS).all()
