@@ -23,6 +23,9 @@ USB_ONLY_V: Final = 6.0
 """Minimum voltage of a pack; below it the USB cable feeds the motor controller alone."""
 LOADED_ABOVE_A: Final = 2.0
 """Input current above which a voltage is one under load."""
+CHECKED: Final = "the battery is being checked"
+UNHEARD: Final = "the motor controller reports nothing (power, cable?)"
+"""Why a car stands whose controller is away: no voltage, and nothing else of it, is known."""
 
 
 class BatterySettings(Section):
@@ -113,6 +116,8 @@ class BatteryMonitor:
     def update(self, state: MotorState | None) -> None:
         """Take in the motor controller's newest report, None while it is away."""
         if state is not None:
+            if not self._connected and self.charge is Charge.UNKNOWN:
+                self.trouble = CHECKED
             self._connected = True
             self._judge(state.voltage_v, state.stamp_s)
             if abs(state.input_current_a) >= LOADED_ABOVE_A:
@@ -122,7 +127,7 @@ class BatteryMonitor:
             self.cells = 0 if self.settings.cells == "auto" else int(self.settings.cells)
             self._good, self._low, self._empty = _Lasting(), _Lasting(), _Lasting()
             if self.settings.settle_s:
-                self._set(Charge.UNKNOWN, 0.0, "the battery is being checked")
+                self._set(Charge.UNKNOWN, 0.0, UNHEARD)
             else:
                 self._set(Charge.GOOD, math.inf, "")
 

@@ -57,8 +57,9 @@ def test_a_lost_board_stops_the_car_with_its_reason_and_it_comes_back(fault):
         it.chip.nack_every = None
 
     seen = PwmDrive("loop").run(14.0, (7.0, break_it), (7.3, look))
-    link, message, _ = reasons[0]
+    link, message, reason = reasons[0]
     assert link is not LinkState.READY
+    assert reason == "the motor controller reports nothing (power, cable?)"
     assert ("no acknowledgement" if fault == "nack" else "it was reset while it drove") in message or "arm" in message
     assert seen[(seen[:, 0] > 7.2) & (seen[:, 0] < 10.0), 1].min() < 0.05
     assert seen[-1, 1] > 0.5

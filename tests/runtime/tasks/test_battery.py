@@ -1,5 +1,6 @@
 """The battery's voice: silent while all is well, above the human, and one word per change."""
 
+import math
 from dataclasses import replace
 
 from tests.runtime.observed import HandClock
@@ -64,6 +65,19 @@ def test_it_holds_slows_and_stops_a_human_too_and_says_why():
     assert (empty.speed_mps, empty.reason) == (0.0, "battery empty: 9.4 V; charge or change it")
     assert car.rearmed == ["battery empty: 9.4 V; charge or change it; permit again"]
     assert car.limit.stop == empty.reason
-    assert len([word for word in car.said if word.source is Source.BATTERY]) == 3, "one word per change"
+    assert len([word for word in car.said if word.source is Source.BATTERY]) == 4, "one word per change"
     assert car.shows(11.9, 2.2).speed_mps == 3.0
     assert car.limit.stop == ""
+
+
+def test_a_motor_controller_that_is_lost_is_the_reason_and_not_the_battery():
+    car = Car()
+    assert car.limit.stop == "the motor controller reports nothing (power, cable?)", "not found yet"
+    assert car.shows(11.8, 0.1).reason == "the battery is being checked"
+    assert car.shows(11.8, 3.0).speed_mps == 3.0
+    car.motor.report = None
+    car.limit.check()
+    stopped = arbitrate(car.queue.live(), frozenset(), ORDER)[0]
+    assert (stopped.speed_mps, stopped.winner) == (0.0, Source.BATTERY)
+    assert stopped.reason == "the motor controller reports nothing (power, cable?)"
+    assert car.shows(math.nan, 0.1).speed_mps == 3.0, "it measures no voltage"
