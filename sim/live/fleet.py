@@ -64,7 +64,7 @@ def build_fleet(
         wiring = conditions.wiring.wired(settings.motor)
         session = SimulatorSession(
             scene, vehicle, wiring, desired_m=settings.wall_follow.desired_distance_m, user_code=UserCode.of(settings)
-        )
+        ).fit(settings.motor)
         session.join(all_ready.wait)
         cars.append(SimulatedCar(f"car{k + 1}", scene, session))
     return cars
