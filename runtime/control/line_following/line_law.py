@@ -1,9 +1,10 @@
 """Steering and speed by a race line: feed-forward with tyres, and feedback at the pose when the answer takes effect.
 
-    k = k_line(s + 0.06 s * v + 0.05 m) - (2 z w / v) sin(heading error) - (w / v)^2 * lateral error
+    k = k_line(s + 0.06 s * v + 0.05 m) - (2 z w / v) sin(heading error + 0.08 s * excess turn) - (w / v)^2 * lateral
     steering = atan(wheelbase * k) + front slip - rear slip - trim
 
-The heading error is that of the rear axle's way, which points outward from the car's heading by the rear slip. Sources:
+The heading error is that of the rear axle's way, which points outward from the car's heading by the rear slip. The
+excess turn is the car's yaw rate less that of the line, which damps the swing that the lag of the turn makes. Sources:
 reference figures of the prototype; the form is that of a pole pair with frequency w and damping z over time.
 """
 
@@ -20,6 +21,8 @@ SLOWEST_MPS: Final = 1.0
 """Speed for the gains below it: at a standstill they would be infinite."""
 AHEAD_S, AHEAD_M = 0.06, 0.05
 """How far ahead of the car the curvature of the line is taken: the turn follows the wheels with a lag."""
+LEAD_S: Final = 0.08
+"""How far ahead the heading is taken, by the present turn: without it the lag of the turn lets the car weave."""
 SPEED_AHEAD_S: Final = 0.10
 """How far ahead the speed is taken: the delay and lag of the motor controller."""
 MOST_ASIDE_M: Final = 0.4
@@ -64,7 +67,8 @@ def steering_rad(car: Moving, line: CourseLine, on: OnLine, tyres: Tyres) -> flo
     per_m = FREQUENCY_RADPS / speed_mps
     most_m = min(MOST_ASIDE_M, 2.0 * DAMPING * STEEPEST / per_m)
     curvature_radpm = line.curvature_at(on.along_m + AHEAD_S * car.speed_mps + AHEAD_M)
-    curvature_radpm -= 2.0 * DAMPING * per_m * math.sin(heading_error_rad(car, on, tyres))
+    off_rad = heading_error_rad(car, on, tyres) + LEAD_S * (car.turn_radps - car.speed_mps * on.curvature_radpm)
+    curvature_radpm -= 2.0 * DAMPING * per_m * math.sin(off_rad)
     curvature_radpm -= per_m**2 * min(max(on.aside_m, -most_m), most_m)
     return tyres.steering_rad(curvature_radpm, car.speed_mps) - car.trim_rad
 

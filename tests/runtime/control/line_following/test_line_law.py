@@ -73,6 +73,26 @@ def test_it_comes_back_without_swinging_over(speed):
     assert max(map(abs, asides[-40:])) < 0.04
 
 
+@pytest.mark.parametrize("speed", [2.0, 4.0, 5.5])
+def test_a_heading_error_dies_out_although_turn_and_command_lag(speed):
+    """Commands at 40 Hz act after 45 ms, and the turn follows them; the car is asked every 5 ms how it does."""
+    line = circle(radius_m=20.0)
+    slip_rad = TYRES.rear_slip_rad(speed**2 / 20.0)
+    car = Moving(20.0 + 0j, math.pi / 2 + slip_rad + 0.1, speed, speed / 20.0)
+    told_rad, off_rad = TYRES.steering_rad(1 / 20.0, speed), []
+    wire = [told_rad] * 9
+    for step in range(300):
+        if step % 5 == 0:
+            then = car.later(0.045, told_rad, TYRES)
+            told_rad = steering_rad(then, line, line.nearest(then.place_m), TYRES)
+        wire.append(told_rad)
+        car = car.later(0.005, wire.pop(0), TYRES)
+        off_rad.append(heading_error_rad(car, line.nearest(car.place_m), TYRES))
+    over = min(off_rad)
+    assert over > -0.09
+    assert max(off_rad[off_rad.index(over) :]) < 0.025
+
+
 def test_the_way_to_the_line_is_no_steeper_than_its_bound():
     speed = 1.2
     car = beside(aside_m=2.0, speed=speed)
