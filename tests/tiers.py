@@ -16,7 +16,7 @@ SLOW: Final = (
     "sim/live/test_farewell.py", "system/faults/test_faults.py", "system/faults/test_router.py",
     "system/faults/test_swapped_ports.py", "docs/test_bring_up.py", "system/test_failing_scripts.py",
     "system/test_operator.py", "system/test_own_car.py",
-    "system/test_maestro_car.py", "system/test_own_driver.py", "system/test_own_law.py", "system/test_planners.py",
+    "system/test_own_driver.py", "system/test_own_law.py", "system/test_planners.py", "system/test_pwm_process.py",
     "system/test_poor_link.py", "system/test_process.py", "system/test_scenario.py", "system/test_sim_fleet.py",
     "system/test_ros2_receiver.py", "system/test_turning_lidars.py",
     "system/test_uplink.py", "system/test_walls.py", "system/test_ways_out.py", "wallride/deploy/test_over_ssh.py",

@@ -1,8 +1,12 @@
-"""An I2C bus of Linux, /dev/i2c-N: reads and writes of one chip. Blocks for the length of a transfer, 0.2 to 1 ms."""
+"""An I2C bus of Linux, /dev/i2c-N: reads and writes of one chip. Blocks for the length of a transfer, 0.2 to 1 ms.
+
+A unix socket carries the same transfers to an emulated chip, one packet each.
+"""
 
 import errno
 import fcntl
 import os
+import socket
 from collections.abc import Callable
 from typing import Final, Protocol
 
@@ -11,6 +15,7 @@ from wallride.drivers.api import LinkLost
 _SLAVE, _RETRIES, _TIMEOUT = 0x0703, 0x0701, 0x0702
 TIMEOUT_10MS: Final = 3
 """Time [10 ms] after which the kernel gives up a bus that is held down: the event loop waits for it."""
+PACKET_BYTES: Final = 260
 REMEDIES: Final = {
     errno.ENOENT: "no such bus (enable I2C: raspi-config, or the overlay of this computer)",
     errno.EACCES: "permission denied (add the user to the group i2c, then log in again)",
@@ -71,6 +76,48 @@ class LinuxI2cBus:
     def close(self) -> None:
         """Close the bus."""
         os.close(self._fd)
+
+
+class SocketI2cBus:
+    """An `I2cBus` behind a unix socket, whose other end is in another process.
+
+    A request is the chip's address, the number of bytes to read (0: a write), and what to write; its answer is an
+    errno, 0 for an acknowledgement, and the bytes read.
+    """
+
+    def __init__(self, path: str, chip: int) -> None:
+        self._chip = chip
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_CLOEXEC)
+        try:
+            self._socket.settimeout(TIMEOUT_10MS / 100)
+            self._socket.connect(path)
+        except BaseException:
+            self._socket.close()
+            raise
+
+    def write(self, data: bytes) -> None:
+        """Write a register's number and values from there on."""
+        self._transfer(0, data)
+
+    def read(self, register: int, count: int) -> bytes:
+        """Read so many registers."""
+        data = self._transfer(count, bytes((register,)))
+        if len(data) != count:
+            raise OSError(errno.EIO, "read in part")
+        return data
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def _transfer(self, count: int, data: bytes) -> bytes:
+        self._socket.send(bytes((self._chip, count)) + data)
+        answer = self._socket.recv(PACKET_BYTES)
+        if not answer:
+            raise OSError(errno.ENXIO, "the other end was closed")
+        if answer[0]:
+            raise OSError(answer[0], os.strerror(answer[0]))
+        return answer[1:]
 
 
 def lost(where: str, error: OSError) -> LinkLost:

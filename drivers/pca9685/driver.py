@@ -6,7 +6,7 @@ from typing import Final
 
 from wallride.drivers.api import Clock, DriverError, LinkLost
 from wallride.drivers.pca9685 import codec
-from wallride.drivers.pca9685.bus import I2cBus, LinuxI2cBus, OpenBus, lost
+from wallride.drivers.pca9685.bus import I2cBus, LinuxI2cBus, OpenBus, SocketI2cBus, lost
 from wallride.drivers.pca9685.settings import Pca9685Settings
 from wallride.drivers.pwm.driver import PwmMotor
 
@@ -16,17 +16,17 @@ WAKES_S: Final = 0.001
 
 
 class Pca9685(PwmMotor):
-    """A `Motor` (see wallride.drivers.api). open_bus: of the kernel, or of a test."""
+    """A `Motor` (see wallride.drivers.api). open_bus: of a test; None: that of the settings."""
 
     def __init__(
-        self, settings: Pca9685Settings, *, clock: Clock = time.monotonic, open_bus: OpenBus = LinuxI2cBus
+        self, settings: Pca9685Settings, *, clock: Clock = time.monotonic, open_bus: OpenBus | None = None
     ) -> None:
         super().__init__(settings, clock=clock)
-        self._chip, self._open_bus = settings, open_bus
+        self._chip, self._open_bus = settings, open_bus or _opener(settings.socket)
 
     async def _open(self) -> "Pca9685Port":
         settings = self._chip
-        where = f"PCA9685 at 0x{settings.chip:02x} of /dev/i2c-{settings.bus}"
+        where = f"PCA9685 at 0x{settings.chip:02x} of {settings.socket or f'/dev/i2c-{settings.bus}'}"
         try:
             bus = self._open_bus(settings.bus, settings.chip)
         except OSError as error:
@@ -86,3 +86,7 @@ class Pca9685Port:
     def close(self) -> None:
         """Close the bus; the chip keeps its last pulses."""
         self._bus.close()
+
+
+def _opener(path: str) -> OpenBus:
+    return (lambda _bus, chip: SocketI2cBus(path, chip)) if path else LinuxI2cBus

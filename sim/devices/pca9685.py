@@ -1,11 +1,16 @@
-"""An emulated PCA9685 with an ESC and a servo at its outputs, behind an `I2cBus` as the kernel's."""
+"""An emulated PCA9685 with an ESC and a servo at its outputs, behind an `I2cBus` as the kernel's, or a unix socket."""
 
+import contextlib
 import errno
+import socket
+import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Final
 
 from wallride.drivers.api import Clock
+from wallride.drivers.pca9685.bus import PACKET_BYTES
 from wallride.sim.devices.esc import EmulatedEsc
 
 _MODE1, _PRESCALE, _FIRST = 0x00, 0xFE, 0x06
@@ -103,3 +108,45 @@ class Pca9685Bus:
     def _look(self) -> None:
         if not self._answers:
             raise OSError(errno.EREMOTEIO, "Remote I/O error")
+
+
+class Pca9685Socket:
+    """Serves a chip at a unix socket, one driver after the other (see `SocketI2cBus`).
+
+    In a thread, because the driver waits for each transfer: the world's steps of some milliseconds are in the loop.
+    """
+
+    def __init__(self, chip: Pca9685Chip, path: Path) -> None:
+        self._chip, self._path = chip, path
+        path.unlink(missing_ok=True)
+        self._server = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._server.bind(str(path))
+        self._server.listen(1)
+        threading.Thread(target=self._serve, name="pca9685", daemon=True).start()
+
+    def close(self) -> None:
+        """Take no further connection."""
+        with contextlib.suppress(OSError):
+            self._server.shutdown(socket.SHUT_RDWR)  # it ends the wait of the thread
+        self._server.close()
+        self._path.unlink(missing_ok=True)
+
+    def _serve(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                driver, _ = self._server.accept()
+                with driver, contextlib.suppress(OSError):
+                    while request := driver.recv(PACKET_BYTES):
+                        driver.send(self._answer(request[0], request[1], request[2:]))
+
+    def _answer(self, chip: int, count: int, data: bytes) -> bytes:
+        bus = self._chip.open(0, chip)
+        try:
+            if not count:
+                bus.write(data)
+                return bytes((0,))
+            return bytes((0,)) + bus.read(data[0], count)
+        except OSError as error:
+            return bytes((error.errno or errno.EIO,))
+        finally:
+            bus.close()

@@ -12,7 +12,6 @@ from typing import Any
 
 from rich.console import Console
 
-from wallride.drivers.pca9685.settings import Pca9685Settings
 from wallride.runtime.host.user_module import UserCodeError
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.car.vehicle import Vehicle, VehicleSettings
@@ -115,10 +114,6 @@ def _load(options: argparse.Namespace, config: Path, saved: Path) -> Settings:
     options.lidar = options.lidar or settings.lidar.driver
     if settings.lidar.driver == "auto":
         raise SimUsageError('lidar.driver = "auto" looks for a real lidar: name an emulated one, as in --lidar rplidar')
-    if isinstance(settings.motor, Pca9685Settings):
-        raise SimUsageError(
-            'motor.driver = "pca9685": an I2C bus cannot be emulated for another process; use "maestro"'
-        )
     return settings
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from wallride.drivers.maestro.settings import MaestroSettings
+from wallride.drivers.pca9685.settings import Pca9685Settings
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.ending import end
 from wallride.runtime.host.address_file import read_address
@@ -22,9 +23,8 @@ from wallride.runtime.settings.devices import AnyMotorSettings
 from wallride.runtime.wire import topics
 from wallride.sim.car.plant import Plant
 from wallride.sim.car.vehicle import Vehicle
-from wallride.sim.devices.esc import EmulatedEsc, esc_of
-from wallride.sim.devices.maestro import MaestroEmulator
 from wallride.sim.devices.own import OwnLidarEmulator, OwnMotorEmulator, emulator_of
+from wallride.sim.devices.pulse_boards import PulseBoard, start_board
 from wallride.sim.devices.scip import ScipEmulator
 from wallride.sim.devices.scip_encode import SensorModel
 from wallride.sim.devices.turning import Rays, TurningDevice, TurningEmulator
@@ -56,7 +56,7 @@ STAMP_MS = 1 << 24
 Ranges = npt.NDArray[np.int64]
 TurningLidar = TurningEmulator | OwnLidarEmulator
 EmulatedLidar = ScipEmulator | TurningLidar
-EmulatedMotor = VescEmulator | MaestroEmulator | OwnMotorEmulator
+EmulatedMotor = VescEmulator | PulseBoard | OwnMotorEmulator
 
 
 class SessionError(Exception):
@@ -142,7 +142,7 @@ class SimulatorSession:
         user_code: UserCode = NO_USER_CODE,
     ) -> None:  # fmt: skip
         self._user_code = user_code
-        self._maestro: MaestroSettings | None = None
+        self._pulsed: MaestroSettings | Pca9685Settings | None = None
         self._watched = watched
         self._changes = changes
         self._on_devices = on_devices
@@ -153,8 +153,8 @@ class SimulatorSession:
         self.record = Record(desired_m)
 
     def fit(self, motor: AnyMotorSettings) -> Self:
-        """Have a Maestro with an ESC and a servo in place of the VESC, where the settings name one."""
-        self._maestro = motor if isinstance(motor, MaestroSettings) else None
+        """Have a Maestro or a PCA9685 with an ESC and a servo in place of the VESC, where the settings name one."""
+        self._pulsed = motor if isinstance(motor, MaestroSettings | Pca9685Settings) else None
         return self
 
     def join(self, others_ready: Callable[[], Awaitable[object]]) -> None:
@@ -227,14 +227,9 @@ class SimulatorSession:
             own = OwnMotorEmulator(emulator_of("motor", self._user_code.motor), self._on_command)
             stack.push_async_callback(own.close)
             return own, f"motor.own.address={await own.start()}"
-        if (settings := self._maestro) is not None:
-            board = MaestroEmulator(
-                EmulatedEsc(esc_of(settings), self._on_command),
-                throttle=settings.throttle_channel, steering=settings.steering_channel,
-            )  # fmt: skip
-            board.start_serial(folder / "maestro")
-            stack.callback(board.close)
-            return board, f"motor.address=serial://{folder / 'maestro'}"
+        if self._pulsed is not None:
+            board, name, place = start_board(self._pulsed, folder, stack, self._on_command)
+            return board, f"motor.{name}={place}"
         vesc = VescEmulator(folder / "vesc", on_command=self._on_command)
         vesc.start()
         stack.callback(vesc.close)

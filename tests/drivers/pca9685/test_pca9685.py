@@ -13,7 +13,7 @@ from wallride.drivers.pwm.speed import EstimatedSpeed
 from wallride.drivers.pwm.speed_loop import STALLED
 from wallride.runtime.ending import end
 from wallride.sim.devices.esc import EmulatedEsc, EscModel
-from wallride.sim.devices.pca9685 import Pca9685Chip
+from wallride.sim.devices.pca9685 import Pca9685Chip, Pca9685Socket
 
 SETTINGS = Pca9685Settings(arming_s=0.2)
 
@@ -145,6 +145,29 @@ async def test_the_last_act_brakes(rig):
     await rig.driving()
     rig.driver.brake_now()
     assert rig.esc.demand(0.0).kind == "brake"
+
+
+async def test_a_socket_carries_the_transfers_of_another_process(tmp_path):
+    clock, esc = asyncio.get_running_loop().time, EmulatedEsc(EscModel(armed_after_s=0.1))
+    chip = Pca9685Chip(esc, clock=clock)
+    server = Pca9685Socket(chip, tmp_path / "i2c")
+    driver = Pca9685(SETTINGS.model_copy(update={"socket": str(tmp_path / "i2c")}), clock=clock)
+    running = asyncio.create_task(driver.run())
+
+    def link() -> LinkState:
+        return driver.health.link
+
+    async with asyncio.timeout(6.0):
+        while link() is not LinkState.READY:
+            await asyncio.sleep(0.01)
+        assert driver.send(Drive(0.5, 0.1))
+        assert esc.speed_mps == pytest.approx(0.5, abs=0.05)
+        chip.unplugged = True
+        while link() is not LinkState.ABSENT:
+            await asyncio.sleep(0.01)
+    assert "no acknowledgement" in driver.health.message
+    await end(running)
+    server.close()
 
 
 async def test_a_missing_bus_is_named():
