@@ -37,6 +37,13 @@ REAL_TIME = (
 )  # fmt: skip
 IN_PYTHON = "runtime/control/", "runtime/kernel/"
 """Tests of the laws' Python; tests/runtime/kernel lets the C answer beside it."""
+WHOLE_DRIVES = (
+    "runtime/control/recovery/", "runtime/control/safety/test_asking.py", "runtime/control/safety/test_bends.py",
+    "runtime/control/safety/test_promises.py", "runtime/control/test_laws.py",
+    "runtime/control/wall_following/test_ball.py", "runtime/control/wall_following/test_corridor_width.py",
+    "runtime/control/perception/test_own_parts.py", "runtime/control/perception/test_plausibility.py",
+)  # fmt: skip
+"""Among them, those that drive for long: in C, which tests/runtime/kernel holds to the same answers."""
 RERUNS = int(os.environ.get("WALLRIDE_RERUNS", "3"))
 
 
@@ -67,7 +74,8 @@ def recordings_go_elsewhere(tmp_path_factory):
 def the_laws_answer_in_c(request):
     """Let the laws answer in C, as they do for a user, but where the Python is what is tested."""
     assert not accelerated.in_c()
-    if request.path.relative_to(Path(__file__).parent).as_posix().startswith(IN_PYTHON):
+    name = request.path.relative_to(Path(__file__).parent).as_posix()
+    if name.startswith(IN_PYTHON) and not name.startswith(WHOLE_DRIVES):
         yield
         return
     with pytest.MonkeyPatch.context() as patch:
