@@ -1,9 +1,13 @@
-"""The shared recordings, where they are."""
+"""The shared recordings, where they are, and a drive that many tests read."""
 
+import logging
 from pathlib import Path
 
 import pytest
 
+from tests.sim.replay.recorded import record
+
+DEAD_END = {"world": "dead_end", "seconds": 9.0, "sections": {"wall_follow": {"speed_mps": 2.0}}}
 REPOSITORY = Path(__file__).resolve().parents[2]
 
 
@@ -13,3 +17,26 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip("the folder shared/data with the recordings of other people is not beside this repository")
     return folder
+
+
+@pytest.fixture(scope="session")
+def drive(tmp_path_factory):
+    """A drive into a dead end, in which safety slows and stops the car: its file, the car, and what the mux logged."""
+    logged: list[str] = []
+    listener = logging.Handler()
+    listener.emit = lambda line: logged.append(line.getMessage())  # type: ignore[method-assign]
+    mux = logging.getLogger("wallride.mux")
+    mux.addHandler(listener)
+    before = mux.level
+    mux.setLevel(logging.INFO)
+    path = tmp_path_factory.mktemp("drives") / "drive.mcap"
+    car, _ = record(path, **DEAD_END)
+    mux.setLevel(before)
+    mux.removeHandler(listener)
+    return path, car, logged
+
+
+@pytest.fixture(scope="session")
+def dead_end(drive) -> Path:
+    path: Path = drive[0]
+    return path

@@ -1,5 +1,6 @@
 """The C functions refuse wrong arguments, are of the C and the Python that is here, and give way to an edited law."""
 
+import functools
 import importlib.util
 import os
 import re
@@ -17,6 +18,7 @@ from wallride.runtime import kernel
 from wallride.runtime.kernel.build import FILE, BuildError, _headers, build
 from wallride.runtime.kernel.survey import Survey, c_digest, read_seal
 
+survey = functools.cache(lambda: Survey(ROOT))
 SEAL_AGAIN = "after the C does the same and these tests pass: wallride build-kernel --seal"
 NEAR = "runtime/control/perception/obstacles/rear_memory.py"
 
@@ -71,7 +73,7 @@ def test_arrays_of_different_lengths_are_refused(compiled):
 
 
 def test_the_c_was_written_for_the_python_that_is_here():
-    found, sealed = {name: one.digest for name, one in Survey(ROOT).functions.items()}, read_seal(ROOT)
+    found, sealed = {name: one.digest for name, one in survey().functions.items()}, read_seal(ROOT)
     assert {name for name in found.keys() | sealed.keys() if found.get(name) != sealed.get(name)} == set(), SEAL_AGAIN
 
 
@@ -80,7 +82,7 @@ def test_what_is_built_is_the_c_that_is_here(compiled):
 
 
 def test_every_accelerated_function_has_its_c(compiled):
-    of_the_car = {name for name in Survey(ROOT).functions if not name.startswith("wallride.sim.")}
+    of_the_car = {name for name in survey().functions if not name.startswith("wallride.sim.")}
     assert {f"{one.python.__module__}.{name}" for name, one in FUNCTIONS.items()} >= of_the_car
     assert set(compiled) == set(FUNCTIONS)
 
@@ -188,7 +190,7 @@ def test_a_number_that_is_none_for_c_leaves_the_python(edited):
 
 
 def test_constants_come_from_the_python():
-    known = {name: kind for one in Survey(ROOT).constants for name, kind in zip(one.names, one.kinds, strict=True)}
+    known = {name: kind for one in survey().constants for name, kind in zip(one.names, one.kinds, strict=True)}
     assert known["VIEW_DIRT_NEARER_THAN_M"] == known["WALL_FIT_GATES_M_2"] == "real"
     assert known["VIEW_RIM_BEAMS"] == "whole"
     assert known["PREDICTION_MAX_TOLD"] == "fixed"
@@ -266,7 +268,7 @@ def test_the_state_names_every_function_that_runs_in_python(compiled):
 
 
 def test_each_function_is_in_the_file_of_its_modules_name():
-    for name in Survey(ROOT).functions:
+    for name in survey().functions:
         *folders, module, function = re.sub(r"^wallride\.(drivers|runtime\.control)\.", "", name).split(".")
         of_the_car = "/".join(["runtime/kernel", *folders, f"{module}.c"])
         text = (ROOT / ("sim/world/casting.c" if "world" in folders else of_the_car)).read_text()

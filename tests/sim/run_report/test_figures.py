@@ -68,7 +68,7 @@ def test_the_figures_are_the_summarys(run):
 
 
 def test_what_the_car_believed_is_near_the_truth(drive, run):
-    _, car = drive
+    _, car, _ = drive
     assert numbers(run)["distance_m"] == pytest.approx(abs(car.motor.state.distance_m), rel=0.25)
     assert run.path.x_m[-1] == pytest.approx(run.status["odom"]["x_m"], abs=1e-6)
 

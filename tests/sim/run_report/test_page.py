@@ -2,7 +2,6 @@
 
 import base64
 import json
-import logging
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -11,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.sim.conftest import DEAD_END
 from tests.sim.replay.recorded import options as offline
 from tests.sim.replay.recorded import record
-from tests.sim.run_report.conftest import DRIVE
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.recordings import RecordingError
 from wallride.sim.replay.decode import decode
@@ -99,12 +98,10 @@ def test_the_simulators_truth_stands_beside_it(run):
     assert cells["collided"] == ["no"]
 
 
-def test_the_reasons_are_those_of_the_log(path, text, caplog, tmp_path):
-    with caplog.at_level(logging.INFO, logger="wallride.mux"):
-        record(tmp_path / "drive.mcap", **DRIVE)
-    logged = [line.getMessage() for line in caplog.records if line.name == "wallride.mux"]
+def test_the_reasons_are_those_of_the_log(drive, text):
+    *_, logged = drive
     assert len(logged) > 3
-    told = data_of(page(shown(run_of(read_log(tmp_path / "drive.mcap")))))["runs"][0]["decisions"]
+    told = data_of(text)["runs"][0]["decisions"]
     # The log has every change of mind; the recorded topic may leave out one that lasted less than its period.
     shown_reasons = [f"{winner}: {why}" for _, winner, why, *_ in told]
     assert shown_reasons
@@ -135,7 +132,7 @@ def test_the_settings_that_differ_are_told(text):
 
 
 def test_two_runs_stand_side_by_side(run, tmp_path):
-    record(tmp_path / "other.mcap", **{**DRIVE, "sections": {"wall_follow": {"speed_mps": 1.0}}})
+    record(tmp_path / "other.mcap", **{**DEAD_END, "sections": {"wall_follow": {"speed_mps": 1.0}}})
     other = run_of(read_log(tmp_path / "other.mcap"))
     written = page(shown(run, None, "A"), shown(other, None, "B"))
     assert [one["tag"] for one in data_of(written)["runs"]] == ["A", "B"]
