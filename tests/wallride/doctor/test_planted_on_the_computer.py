@@ -33,6 +33,15 @@ def everything(computer, chosen, holder=another_program):
     return found + check_joystick(computer)
 
 
+def holds(*files):
+    """Plant files, each by name and content."""
+    return lambda computer: [put(computer.root, name, text) for name, text in files]
+
+
+def routes(text):
+    return holds(("proc/net/route", text))
+
+
 def no_vesc(computer):
     (computer.root / "dev/wallride-vesc").unlink()
 
@@ -58,17 +67,9 @@ def second_program(computer):
     link(computer.root, "proc/200/fd/7", "/dev/null")
 
 
-def running_car(computer):
-    link(computer.root, "proc/100/fd/7", "/dev/null")
-
-
 def modem_manager(computer):
     no_rules(computer)
     put(computer.root, "proc/300/comm", "ModemManager\n")
-
-
-def wifi_in_the_lidars_network(computer):
-    put(computer.root, "proc/net/route", ROUTES.replace("0001A8C0", "0000A8C0"))
 
 
 def only_wifi_in_it(computer):
@@ -76,38 +77,9 @@ def only_wifi_in_it(computer):
     put(computer.root, "proc/net/route", "\n".join(line for line in lines if not line.startswith("eth0")))
 
 
-def no_address(computer):
-    put(computer.root, "proc/net/route", "\n".join(ROUTES.splitlines()[:3]))
-
-
-def lidar_is_gateway(computer):
-    put(computer.root, "proc/net/route", ROUTES.replace("0101A8C0", "0A00A8C0"))
-
-
 def lidars_own_address(computer):
     trie = (computer.root / "proc/net/fib_trie").read_text()
     put(computer.root, "proc/net/fib_trie", trie.replace("192.168.0.15", "192.168.0.10"))
-
-
-def hot(computer):
-    put(computer.root, "sys/class/thermal/thermal_zone0/temp", "96000\n")
-
-
-def throttled(computer):
-    put(computer.root, "sys/class/thermal/cooling_device0/type", "cpufreq-cpu0\n")
-    put(computer.root, "sys/class/thermal/cooling_device0/cur_state", "3\n")
-
-
-def over_current(computer):
-    put(computer.root, "sys/class/hwmon/hwmon1/oc1_event_cnt", "4\n")
-
-
-def under_voltage(computer):
-    put(computer.root, "sys/devices/platform/soc/soc:firmware/get_throttled", "0x1\n")
-
-
-def powersave(computer):
-    put(computer.root, "sys/devices/system/cpu/cpu0/cpufreq/scaling_governor", "powersave\n")
 
 
 def no_unit(computer):
@@ -118,31 +90,36 @@ def not_at_boot(computer):
     (computer.root / "etc/systemd/system/multi-user.target.wants/wallride.service").unlink()
 
 
+COOLING = "sys/class/thermal/cooling_device0"
 FILES = [
     (no_vesc, [], "motor port", Level.FAIL, "plug it in"),
     (vesc_without_a_name, [], "motor port", Level.FAIL, "sudo wallride service install"),
     (vesc_without_a_module, [], "motor port", Level.FAIL, "sudo modprobe cdc_acm"),
     (second_program, [], "motor port", Level.FAIL, "end that program"),
-    (running_car, [], "motor port", Level.FAIL, "sudo systemctl stop wallride"),
+    (lambda one: link(one.root, "proc/100/fd/7", "/dev/null"), [],
+     "motor port", Level.FAIL, "sudo systemctl stop wallride"),
     (lambda _: None, ["motor.address=serial:///dev/wallride-lidar", USB_LIDAR], "ports", Level.FAIL, "another port"),
     (lambda one: link(one.root, "dev/ttyACM3", "/dev/null"), ["motor.address=serial:///dev/ttyACM3"], "motor port",
      Level.WARN, "serial:///dev/wallride-vesc"),
-    (lambda one: put(one.root, "usr/lib/udev/rules.d/85-brltty.rules"), [], "brltty", Level.WARN, "apt remove"),
+    (holds(("usr/lib/udev/rules.d/85-brltty.rules", "")), [], "brltty", Level.WARN, "apt remove"),
     (modem_manager, [], "ModemManager", Level.WARN, "apt remove modemmanager"),
-    (no_address, [], "lidar network", Level.FAIL, "ipv4.addresses 192.168.0.15/24"),
+    (routes("\n".join(ROUTES.splitlines()[:3])), [], "lidar network", Level.FAIL, "ipv4.addresses 192.168.0.15/24"),
     (lidars_own_address, [], "lidar network", Level.FAIL, "another one, like 192.168.0.15/24"),
-    (lidar_is_gateway, [], "lidar network", Level.WARN, "ipv4.never-default yes"),
-    (wifi_in_the_lidars_network, [], "lidar network", Level.WARN, "renumber"),
+    (routes(ROUTES.replace("0101A8C0", "0A00A8C0")), [], "lidar network", Level.WARN, "ipv4.never-default yes"),
+    (routes(ROUTES.replace("0001A8C0", "0000A8C0")), [], "lidar network", Level.WARN, "renumber"),
     (only_wifi_in_it, [], "lidar network", Level.FAIL, "the Wi-Fi use another network"),
-    (lambda one: put(one.root, "sys/class/net/eth0/carrier", "0"), [], "lidar network", Level.FAIL, "plug the"),
-    (hot, [], "heat and supply", Level.WARN, "give it air"),
-    (throttled, [], "heat and supply", Level.WARN, "weak supply"),
-    (over_current, [], "heat and supply", Level.WARN, "stronger supply"),
-    (under_voltage, [], "heat and supply", Level.WARN, "stronger supply"),
-    (powersave, [], "processor", Level.WARN, "performance"),
+    (holds(("sys/class/net/eth0/carrier", "0")), [], "lidar network", Level.FAIL, "plug the"),
+    (holds(("sys/class/thermal/thermal_zone0/temp", "96000\n")), [], "heat and supply", Level.WARN, "give it air"),
+    (holds((f"{COOLING}/type", "cpufreq-cpu0\n"), (f"{COOLING}/cur_state", "3\n")), [],
+     "heat and supply", Level.WARN, "weak supply"),
+    (holds(("sys/class/hwmon/hwmon1/oc1_event_cnt", "4\n")), [], "heat and supply", Level.WARN, "stronger supply"),
+    (holds(("sys/devices/platform/soc/soc:firmware/get_throttled", "0x1\n")), [],
+     "heat and supply", Level.WARN, "stronger supply"),
+    (holds(("sys/devices/system/cpu/cpu0/cpufreq/scaling_governor", "powersave\n")), [],
+     "processor", Level.WARN, "performance"),
     (no_unit, [], "service", Level.WARN, "sudo wallride service install"),
     (not_at_boot, [], "service", Level.WARN, "systemctl enable wallride"),
-    (lambda one: put(one.root, "proc/bus/input/devices", PAD.replace("c21f", "c219")), [], "gamepad", Level.WARN, "X"),
+    (holds(("proc/bus/input/devices", PAD.replace("c21f", "c219"))), [], "gamepad", Level.WARN, "X"),
 ]  # fmt: skip
 
 ANSWERS = [
