@@ -8,7 +8,7 @@ KERNEL := .venv/.kernel
 # Kept bytecode halves what tests and the processes that they start spend on imports, whatever the shell says of it.
 export PYTHONDONTWRITEBYTECODE :=
 # Tests with processes and browsers mostly wait: more of them at a time than there are cores, but six starve each other.
-PYTEST := $(BIN)/pytest -q -n 4 --dist worksteal
+PYTEST := $(BIN)/pytest -q -rfER -n 4 --dist worksteal
 
 .PHONY: sim test test-all check kernel fuzz format book clean
 

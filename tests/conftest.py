@@ -51,7 +51,7 @@ def pytest_collection_modifyitems(items):
     """Mix files that wait with files that compute, and let tests in real time run again.
 
     In the order of their names all that starts processes comes last and starves itself. A full machine can stop a test
-    with processes, browsers or emulated devices for a second: pytest prints each rerun ("R" and its reason with -ra).
+    with processes, browsers or emulated devices for a second: `make test` names each test that ran again.
     Tests of algorithms run in virtual time, once.
     """
     items.sort(key=lambda item: crc32(item.nodeid.partition("::")[0].encode()))  # the same in each worker

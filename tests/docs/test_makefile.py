@@ -26,5 +26,5 @@ def test_what_the_two_commands_do_once_all_is_set_up():
         for goal in ("sim", "test", "check")
     }  # fmt: skip
     assert recipes["sim"] == [".venv/bin/wallride sim "]
-    assert recipes["test"] == [".venv/bin/pytest -q -n 4 --dist worksteal --quick "]
+    assert recipes["test"] == [".venv/bin/pytest -q -rfER -n 4 --dist worksteal --quick "]
     assert recipes["check"][0] == ".venv/bin/ruff format --check ."
