@@ -67,7 +67,9 @@ class VescSettings(BaseModel):
             description="Minimum battery voltage; below it the battery is absent or empty (VESC default: 8.0 V).",
         ),
     ] = 8.0
-    imu: Annotated[bool, Field(description="Read the inertial sensor as well, for telemetry only.")] = True
+    imu: Annotated[
+        bool, Field(description="Read the inertial sensor as well, for telemetry and the heading of `odom`.")
+    ] = True
 
     @field_validator("address")
     @classmethod

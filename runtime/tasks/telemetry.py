@@ -17,8 +17,8 @@ from typing import Any, Literal, Never
 from wallride.drivers.api import Scan
 from wallride.runtime.arbitration.command import Output
 from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.localization.gyro_odometry import GyroOdometry
 from wallride.runtime.control.localization.localizer import PoseEstimate
-from wallride.runtime.control.perception.odometry import Odometry
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.host.side_work import SideWork
 from wallride.runtime.realtime.wall_clock import WallClock
@@ -80,7 +80,7 @@ class Telemetry:
         self._writers = TopicWriters(
             observed, car, self._newest, self.journey, wall_clock=wall_clock, side=side, ball_m=ball_m
         )
-        self._odometry = Odometry(car.wheelbase_m)
+        self._odometry = GyroOdometry(car.wheelbase_m, car.steering_rate_radps)
         self._news: dict[str, None] = {}  # an ordered set
         self._changes: deque[_Waiting] = deque(maxlen=MAX_WAITING)
         self._each: deque[_Waiting] = deque(maxlen=MAX_WAITING)
@@ -109,11 +109,14 @@ class Telemetry:
 
     def on_imu(self, stamp_s: float, turn_radps: Vector, acceleration_mps2: Vector) -> None:
         """Note an inertial measurement in base_link."""
+        self._odometry.take(stamp_s, turn_radps, acceleration_mps2)
         self._each.append((topics.IMU, stamp_s, partial(self._writers.imu, stamp_s, turn_radps, acceleration_mps2)))
 
     def on_pose(self, estimate: PoseEstimate) -> None:
         """Note the pose on the map at a scan, and where odom lies on the map."""
         self._newest.odom_on_map = self._odom_on_map(estimate)
+        if not math.isnan(estimate.slip_s2pm):
+            self._odometry.scale, self._odometry.slip_s2pm = estimate.scale, estimate.slip_s2pm
         self._each.append((topics.POSE, estimate.stamp_s, partial(self._writers.pose, estimate)))
 
     def _odom_on_map(self, estimate: PoseEstimate) -> Frame | None:
@@ -147,7 +150,7 @@ class Telemetry:
         state = self._observed.motor.state
         if state is not self._newest.motor:
             self._newest.motor = state
-            self.journey.pose = self._odometry.update(state)
+            self.journey.pose, self.journey.heading = self._odometry.update(state), self._odometry.heading
             self._note(BY_MOTOR)
         mind = (decision.winner, decision.driver, decision.reason, output.delivered)
         if mind != self._mind:

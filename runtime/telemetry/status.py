@@ -132,13 +132,17 @@ class ObservedState:
 
 @dataclass(slots=True)
 class Journey:
-    """Statistics that telemetry itself keeps. scans: those that the follower answered."""
+    """Statistics that telemetry itself keeps.
+
+    scans: those that the follower answered. heading: what tells that of `pose`, and why it is not the gyro.
+    """
 
     started_s: float
     scans: int = 0
     score: Score = field(default_factory=Score)
     latency: Latency = field(default_factory=Latency)
     pose: OdometryState = field(default_factory=OdometryState)
+    heading: str = ""
 
 
 def status(observed: ObservedState, output: Output | None, journey: Journey) -> dict[str, Any]:
@@ -181,7 +185,7 @@ def status(observed: ObservedState, output: Output | None, journey: Journey) -> 
         "timings_us": observed.timings.fields() if observed.timings is not None else None,
         "distance_error": {"mean_abs_m": journey.score.mean_abs_m, "rms_m": journey.score.rms_m},
         "pose": dict(observed.pose()),
-        "odom": {"x_m": pose.x_m, "y_m": pose.y_m, "yaw_rad": pose.yaw_rad},
+        "odom": {"x_m": pose.x_m, "y_m": pose.y_m, "yaw_rad": pose.yaw_rad, "heading": journey.heading},
     }
 
 

@@ -6,6 +6,8 @@ from typing import Final
 import numpy as np
 
 from wallride.runtime.calibration.scan_motion import motion_of_scans
+from wallride.runtime.control.localization.pose_filter import SLIP_S2PM
+from wallride.runtime.control.localization.wheel_steps import LOCKS_MPS2, SLIDES_MPS2
 from wallride.sim.mapping.lap_record import LapRecord
 from wallride.sim.world.pose import Floats
 
@@ -13,8 +15,6 @@ STANDS_BELOW_MPS: Final = 0.02
 MIN_STANDING: Final = 20
 """Rates of a standing car below which the gyro's bias counts as unknown, 0."""
 MAX_RANGE_M: Final = 12.0
-LOCKS_MPS2, SLIDES_MPS2 = 11.0, 5.0
-"""Deceleration of wheels above which they lock, and that of the car then."""
 BEYOND_S: Final = 0.1
 """A path goes on for this time at its last speed: the last report is older than the last scan."""
 
@@ -29,7 +29,7 @@ class LearntCar:
 
     scale: float = 1.0
     trim_rad: float = 0.0
-    slip_s2pm: float = 0.028
+    slip_s2pm: float = SLIP_S2PM
     gyro_scale: float = 1.0
 
 

@@ -41,7 +41,7 @@ EVERY_HZ: Final = 200.0
 
 MEANINGS: Final[Mapping[str, str]] = {
     topics.SCAN: "the lidar's ranges, frame `laser`; a beam without a return is NaN (+Inf or -Inf on ROS 2's /scan)",
-    topics.ODOM: "pose in `odom` and speed of the rear axle, from wheel speed and steering",
+    topics.ODOM: "pose in `odom` and speed of the rear axle, by the wheels and a gyro, or without one the steering",
     topics.TF: "the transforms `odom` to `base_link`, `base_link` to `laser`, and while it is known `map` to `odom`",
     topics.POSE: "pose of the rear axle in `map`, while the car is located on the map of `map.file`",
     topics.MOTOR: "joint `drive`: way, speed, motor current; joint `steering`: the commanded angle",
