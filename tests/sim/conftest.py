@@ -23,16 +23,11 @@ def shared_data() -> Path:
 def drive(tmp_path_factory):
     """A drive into a dead end, in which safety slows and stops the car: its file, the car, and what the mux logged."""
     logged: list[str] = []
-    listener = logging.Handler()
-    listener.emit = lambda line: logged.append(line.getMessage())  # type: ignore[method-assign]
-    mux = logging.getLogger("wallride.mux")
-    mux.addHandler(listener)
-    before = mux.level
-    mux.setLevel(logging.INFO)
     path = tmp_path_factory.mktemp("drives") / "drive.mcap"
-    car, _ = record(path, **DEAD_END)
-    mux.setLevel(before)
-    mux.removeHandler(listener)
+    with pytest.MonkeyPatch.context() as patch:
+        mux = logging.getLogger("wallride.mux")
+        patch.setattr(mux, "info", lambda text, *parts: logged.append(text % parts))
+        car, _ = record(path, **DEAD_END)
     return path, car, logged
 
 
