@@ -3,7 +3,9 @@
 from collections.abc import Callable
 from typing import Final
 
+from wallride.drivers.ydlidar.settings import YdlidarSettings
 from wallride.runtime.own_drivers.driver_class import is_own
+from wallride.runtime.settings.devices import AnyLidarSettings
 from wallride.sim.devices import rplidar, ydlidar
 from wallride.sim.devices.own import OwnLidarEmulator, emulator_of
 from wallride.sim.devices.turning import TurningDevice
@@ -30,6 +32,11 @@ def device_for(word: str) -> TurningDevice | OwnLidarEmulator | None:
 def emulated(word: str) -> TurningDevice | None:
     """Return the lidar of a word of KINDS, None for the Hokuyo, which has an emulator of its own."""
     return None if word == HOKUYO else _DEVICES[word][1]()
+
+
+def word_of(settings: AnyLidarSettings) -> str:
+    """Return the word of the lidar that the settings name, its driver's where no word is nearer."""
+    return "x2" if isinstance(settings, YdlidarSettings) and settings.model == "x2" else settings.driver
 
 
 def assignments(word: str) -> list[str]:

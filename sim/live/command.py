@@ -111,7 +111,7 @@ def _load(options: argparse.Namespace, config: Path, saved: Path) -> Settings:
     if options.lidar is not None:
         options.assignments = [*lidar_kinds.assignments(options.lidar), *options.assignments]
     settings = load_settings(config, options.assignments, saved, laws=True, drivers=True)
-    options.lidar = options.lidar or settings.lidar.driver
+    options.lidar = options.lidar or lidar_kinds.word_of(settings.lidar)
     if settings.lidar.driver == "auto":
         raise SimUsageError('lidar.driver = "auto" looks for a real lidar: name an emulated one, as in --lidar rplidar')
     return settings

@@ -13,7 +13,10 @@ from typing import Final
 import tomlkit
 from rich.console import Console
 
-from wallride.runtime.settings.tree import SettingsError, load_settings
+from wallride.runtime.own_drivers.settings import OwnMotorSettings
+from wallride.runtime.settings.devices import DEFAULT_DRIVERS
+from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
+from wallride.sim.devices import lidar_kinds
 from wallride.sim.live.command import SimUsageError, build_scene
 from wallride.sim.live.emulated_car import DeviceAddresses, EmulatedCar, EmulatedPorts
 from wallride.sim.live.session import USAGE_ERROR, SessionError
@@ -24,6 +27,7 @@ from wallride.sim.scenario.simulated_car import find_config
 CAR_CONFIG: Final = "config/car.toml"
 FOLDER: Final = "wallride/emulated"
 SETTINGS: Final = "car.toml"
+EMULATED_LIDARS: Final = ("hokuyo", "rplidar", "ydlidar")
 
 
 def emulate(options: argparse.Namespace, stop: StopRequest) -> int:
@@ -37,16 +41,19 @@ def emulate(options: argparse.Namespace, stop: StopRequest) -> int:
             find_config(CAR_CONFIG), options.assignments
         )  # the car as it is, whatever the user enters
         conditions, scene, vehicle = build_scene(options, settings)
+        _check_devices(settings)
+        scene.turning = lidar_kinds.emulated(lidar_kinds.word_of(settings.lidar))
         ports = EmulatedPorts(
             folder, None if options.lidar == "serial" else options.port, options.lidar != "tcp",
             options.vesc_timeout, options.vesc_brake,
         )  # fmt: skip
-        car = EmulatedCar(scene, vehicle, conditions.wiring.wired(settings.motor), ports)
+        car = EmulatedCar(scene, vehicle, conditions.wiring.wired(settings.motor), ports, motor=settings.motor)
         car.tell_held_up = lambda words: console.print(words, soft_wrap=True)
 
         def tell(addresses: DeviceAddresses) -> None:
-            write_settings(file, addresses)
+            write_settings(file, addresses, settings)
             _show(console, file, scene.world.name, addresses, options.config_variable)
+            _tell_programs(addresses, settings)
 
         asyncio.run(car.keep(options.duration or math.inf, stop, tell))
     except (SettingsError, ConditionsError, SimUsageError, SessionError, tomlkit.exceptions.TOMLKitError) as error:
@@ -63,18 +70,26 @@ def emulated_folder(environment: Mapping[str, str] = os.environ) -> Path:
     return Path(environment.get("XDG_STATE_HOME") or "~/.local/state").expanduser() / FOLDER
 
 
-def write_settings(file: Path, addresses: DeviceAddresses) -> None:
-    """Write the addresses into the emulated car's settings; a new file has the contents of config/car.toml."""
+def write_settings(file: Path, addresses: DeviceAddresses, settings: Settings | None = None) -> None:
+    """Write devices and addresses into the emulated car's settings; a new file has the contents of config/car.toml.
+
+    A section of another device than that of `settings` is written anew, because none of its values is this one's.
+    """
+    settings = settings or Settings()
     is_new = not file.is_file()
     document = tomlkit.parse((find_config(CAR_CONFIG) if is_new else file).read_text(encoding="utf-8"))
     changes: dict[str, dict[str, object]] = {
-        "lidar": {"address": addresses.lidar},
-        "motor": {"address": addresses.motor},
+        "lidar": {"driver": settings.lidar.driver, "address": addresses.lidar},
+        "motor": {"driver": settings.motor.driver, addresses.motor_key: addresses.motor},
     }
+    if lidar_kinds.word_of(settings.lidar) == "x2":
+        changes["lidar"]["model"] = "x2"
     if is_new:
         changes |= {"car": {"name": "emulated"}, "recording": {"simulated": True}}
     for section, values in changes.items():
         table = document.setdefault(section, tomlkit.table())
+        if table.get("driver", DEFAULT_DRIVERS.get(section)) != values.get("driver"):
+            table = document[section] = tomlkit.table()
         for key, value in values.items():
             if table.get(key) != value:
                 table[key] = value
@@ -96,9 +111,24 @@ def _show(console: Console, file: Path, world: str, addresses: DeviceAddresses, 
     console.print("then, for example:")
     for command in ("doctor", "run", "teleop"):
         console.print(f"  wallride {command}")
-    sys.stdout.write(f"--set lidar.address={addresses.lidar}\n--set motor.address={addresses.motor}\n")
-    sys.stdout.flush()
     console.print("Ctrl-C ends it")
+
+
+def _tell_programs(addresses: DeviceAddresses, settings: Settings) -> None:
+    """Write the settings that differ from a car's as options of a command."""
+    chosen = [*lidar_kinds.assignments(lidar_kinds.word_of(settings.lidar)), f"motor.driver={settings.motor.driver}"]
+    usual = {f"{section}.driver={driver}" for section, driver in DEFAULT_DRIVERS.items()}
+    places = [f"lidar.address={addresses.lidar}", f"motor.{addresses.motor_key}={addresses.motor}"]
+    sys.stdout.write("".join(f"--set {one}\n" for one in (*chosen, *places) if one not in usual))
+    sys.stdout.flush()
+
+
+def _check_devices(settings: Settings) -> None:
+    if settings.lidar.driver not in EMULATED_LIDARS or isinstance(settings.motor, OwnMotorSettings):
+        raise SimUsageError(
+            f"lidar.driver = {settings.lidar.driver}, motor.driver = {settings.motor.driver}: emulated are the lidars"
+            f" {', '.join(EMULATED_LIDARS)}, and the built-in motors"
+        )
 
 
 def _check(options: argparse.Namespace) -> None:

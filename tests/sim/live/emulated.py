@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.sim.car.vehicle import Vehicle, VehicleSettings
+from wallride.sim.devices.lidar_kinds import emulated
 from wallride.sim.live.emulated_car import DeviceAddresses, EmulatedCar, EmulatedPorts
 from wallride.sim.live.scenes import WorldScene
 from wallride.sim.world.beams import LidarSettings
@@ -20,14 +21,15 @@ class Stop:
     asked: bool = False
 
 
-def car(folder, *, lidar=None, world="corridor", **changes):
-    """Return an emulated car with free ports; changes: of its ports."""
+def car(folder, *, lidar=None, world="corridor", motor=None, turning="hokuyo", **changes):
+    """Return an emulated car with free ports; turning: the word of its lidar; changes: of its ports."""
     place = load_world(world, side="left", seed=0)
     ports = {"tcp_port": 0, "serial_lidar": True, "timeout_s": 0.15, "brake_a": 10.0} | changes
     scene = WorldScene(place, "left", lidar or LidarSettings(), None, 0)
+    scene.turning = emulated(turning)
     vehicle = Vehicle(VehicleSettings(), place.start)
     clock = asyncio.get_running_loop().time
-    return EmulatedCar(scene, vehicle, VescSettings(), EmulatedPorts(folder, **ports), clock=clock)
+    return EmulatedCar(scene, vehicle, VescSettings(), EmulatedPorts(folder, **ports), motor=motor, clock=clock)
 
 
 @asynccontextmanager

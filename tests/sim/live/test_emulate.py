@@ -1,11 +1,19 @@
 """`wallride emulate`: ports that keep their names, and a settings file that stays the user's."""
 
+import asyncio
+
 import pytest
 
 from tests.sim.live.emulated import car, running
 from wallride.cli import main
 from wallride.drivers.address import parse_address
-from wallride.runtime.settings.tree import load_settings
+from wallride.drivers.api import LinkState, Scan
+from wallride.drivers.pca9685.settings import Pca9685Settings
+from wallride.drivers.rplidar.settings import RplidarSettings
+from wallride.drivers.ydlidar.settings import YdlidarSettings
+from wallride.runtime.ending import end
+from wallride.runtime.lidars import lidar_for, motor_for
+from wallride.runtime.settings.tree import Settings, load_settings
 from wallride.sim.live.emulate_command import emulated_folder, write_settings
 from wallride.sim.live.emulated_car import DeviceAddresses
 from wallride.sim.live.session import SessionError
@@ -42,6 +50,38 @@ def test_the_settings_are_the_users_and_only_the_addresses_are_renewed(tmp_path)
     assert load_settings(file).lidar.address == "tcp://127.0.0.1:2"
 
 
+def test_the_section_of_another_device_is_written_anew(tmp_path):
+    file = tmp_path / "car.toml"
+    usual = DeviceAddresses(("tcp://127.0.0.1:1",), "serial:///a")
+    other = Settings.model_validate({"lidar": {"driver": "ydlidar", "model": "x2"}, "motor": {"driver": "pca9685"}})
+    write_settings(file, usual)
+    write_settings(file, DeviceAddresses(("serial:///l",), "/m", "socket"), other)
+    settings = load_settings(file)
+    assert isinstance(settings.lidar, YdlidarSettings)
+    assert isinstance(settings.motor, Pca9685Settings)
+    assert (settings.lidar.model, settings.lidar.address, settings.motor.socket) == ("x2", "serial:///l", "/m")
+    write_settings(file, usual)
+    assert load_settings(file).motor.driver == "vesc"
+
+
+@pytest.mark.parametrize(("driver", "place"), [("maestro", "serial://{}/maestro"), ("pca9685", "{}/i2c")])
+async def test_other_devices_are_reached_by_their_drivers(driver, place, tmp_path):
+    settings = Settings.model_validate({"motor": {"driver": driver}})
+    one = car(tmp_path, motor=settings.motor, turning="a1")
+    async with running(one) as addresses:
+        assert addresses.lidars == (f"serial://{tmp_path}/lidar",)
+        assert addresses.motor == place.format(tmp_path)
+        clock = asyncio.get_running_loop().time
+        lidar = lidar_for(RplidarSettings(address=addresses.lidar), clock=clock)
+        motor = motor_for(settings.motor.model_copy(update={addresses.motor_key: addresses.motor}), clock=clock)
+        scans: list[Scan] = []
+        tasks = [asyncio.create_task(lidar.run(scans.append)), asyncio.create_task(motor.run())]
+        async with asyncio.timeout(20.0):
+            while not scans or motor.health.link is not LinkState.READY:
+                await asyncio.sleep(0.05)
+        await end(*tasks)
+
+
 def test_the_folder_is_the_same_at_every_start(tmp_path):
     assert emulated_folder({"XDG_STATE_HOME": str(tmp_path)}) == tmp_path / "wallride" / "emulated"
 
@@ -53,6 +93,7 @@ def test_the_folder_is_the_same_at_every_start(tmp_path):
         (["--vesc-brake", "900"], "--vesc-brake 900"),
         (["--duration", "nan"], "--duration nan"),
         (["nowhere"], "nowhere"),
+        (["--set", "lidar.driver=topic", "--set", "ros2.enabled=true"], "lidar.driver = topic"),
     ],
 )
 def test_a_wrong_option_is_one_sentence(options, said, tmp_path, capsys):
