@@ -7,7 +7,11 @@ import numpy as np
 import pytest
 
 from tests.runtime.control.perception.test_plausibility import Room
-from wallride.runtime.control.perception.scan_displacement import displacement, patches_of
+from wallride.drivers.api import Health
+from wallride.drivers.turning.grid import Motion, Mount
+from wallride.drivers.turning.samples import HeadSamples
+from wallride.drivers.turning.stream import StreamFacts, Turning, TurnStream
+from wallride.runtime.control.perception.scan_displacement import corrected_anew, displacement, patches_of
 
 
 def two_scans(world, way_m, turn_rad, *, noise_m=0.01, seed=1):
@@ -76,3 +80,45 @@ def test_a_lidar_that_sees_nothing_is_not_compared():
     assert not nothing.flat.any()
     assert displacement(patches_of(before), nothing, 0.0) is None
     assert displacement(nothing, patches_of(before), 0.0) is None
+
+
+class Samples:
+    """Decodes each chunk to the turn that a standing lidar measures in a square room."""
+
+    behind = 0
+
+    def __init__(self, mount):
+        self._deg = (mount.cut_deg + 0.5 * np.arange(720)) % 360.0
+        bearing_rad = mount.bearing_rad(self._deg)
+        self._range_m = 2.0 / np.maximum(np.abs(np.cos(bearing_rad)), np.abs(np.sin(bearing_rad)))
+
+    def feed(self, _chunk):
+        return HeadSamples(self._deg, self._deg, self._range_m)
+
+    def reset(self):
+        """Nothing is left of a chunk."""
+
+
+def corrected_scan(mount, motion):
+    """Return the scan that a driver makes of such turns when it is told this motion."""
+    scans = []
+    facts = StreamFacts(Samples(mount), 0.1 / 720, 0.1, 10.0, "square room")
+    stream = TurnStream(facts, Turning(mount, 1.0, 0.0, lambda: motion), Health(), lambda: len(scans), scans.append)
+    for number in range(5):
+        stream.on_bytes(b"", 0.1 * (number + 1))
+    return scans[-1]
+
+
+@pytest.mark.parametrize("mount", [Mount(), Mount(0.7), Mount(upside_down=True), Mount(-2.0, upside_down=True)])
+def test_what_a_driver_took_out_of_a_turn_can_be_replaced(mount):
+    one, other = (corrected_scan(mount, motion) for motion in (Motion(1.0, 0.1, 0.8), Motion(0.3, 0.0, -0.4)))
+    wanted = patches_of(other)
+    assert one.correction is not None
+    assert other.correction is not None
+    wrong = displacement(wanted, patches_of(one), 0.0)
+    found = displacement(wanted, corrected_anew(patches_of(one), one.correction, other.correction), 0.0)
+    assert wrong is not None
+    assert found is not None
+    assert abs(wrong.shift_m) > 0.012
+    assert abs(found.shift_m) < 0.004
+    assert abs(found.turn_rad) < 0.004
