@@ -139,7 +139,7 @@ class LineFollower:
             self._promises.begin()
             return None
         course_rad = now.yaw_rad - tyres.rear_slip_rad(now.speed_mps * now.turn_radps)
-        back = Return.of(on, course_rad, now.speed_mps)
+        back = Return.of(on, course_rad, now.speed_mps, tyres.most_radpm(max(now.speed_mps, line_law.SLOWEST_MPS)))
         self._promises.check(back, line.length_m, since_s)
         places, speeds_mps = way_ahead(line, back, (now.place_m, now.yaw_rad), now.speed_mps)
         path_m = np.array([places.real, places.imag])

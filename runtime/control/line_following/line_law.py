@@ -70,6 +70,8 @@ def steering_rad(car: Moving, line: CourseLine, on: OnLine, tyres: Tyres) -> flo
     off_rad = heading_error_rad(car, on, tyres) + LEAD_S * (car.turn_radps - car.speed_mps * on.curvature_radpm)
     curvature_radpm -= 2.0 * DAMPING * per_m * math.sin(off_rad)
     curvature_radpm -= per_m**2 * min(max(on.aside_m, -most_m), most_m)
+    most_radpm = tyres.most_radpm(speed_mps)
+    curvature_radpm = min(max(curvature_radpm, -most_radpm), most_radpm)
     return tyres.steering_rad(curvature_radpm, car.speed_mps) - car.trim_rad
 
 

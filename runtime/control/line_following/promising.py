@@ -4,7 +4,7 @@ With the gains of `line_law` the lateral error e and its slope e' come to nothin
 
     e(s) = (e + (e' + p e) s) exp(-p s),   p = frequency / speed
 
-which is the same pair of poles without their slight swing.
+which is the same pair of poles without their slight swing. Where that bends more than the grip allows, p is smaller.
 """
 
 import cmath
@@ -20,6 +20,8 @@ from wallride.runtime.control.line_following.race_line import CourseLine, OnLine
 from wallride.runtime.control.perception.geometry import Floats, Places
 
 STEP_M: Final = 0.2
+SLOWER_SHARE, SLOWER_TIMES = 0.8, 5
+"""By how much slower the way back becomes where it bends too much, and how often."""
 REACH_S, REACH_M, BRAKES_MPS2 = 0.6, 1.5, 3.0
 """The promise reaches as far as a gentle stop: the way in a time, of a brake, and a spare."""
 FIRST_MARGIN_M, LEAST_MARGIN_M, MOST_MARGIN_M = 0.10, 0.02, 0.4
@@ -39,10 +41,15 @@ class Return:
     per_m: float
 
     @staticmethod
-    def of(on: OnLine, course_rad: float, speed_mps: float) -> "Return":
-        """Return the way back of a car whose rear axle moves in a direction on the map."""
+    def of(on: OnLine, course_rad: float, speed_mps: float, most_radpm: float = math.inf) -> "Return":
+        """Return the way back of a car whose rear axle moves in a direction on the map. most_radpm: at most bent so."""
         slope = math.tan(min(max(math.remainder(course_rad - on.yaw_rad, math.tau), -1.0), 1.0))
-        return Return(on.along_m, on.aside_m, slope, FREQUENCY_RADPS / max(speed_mps, SLOWEST_MPS))
+        per_m = FREQUENCY_RADPS / max(speed_mps, SLOWEST_MPS)
+        for _ in range(SLOWER_TIMES):
+            if abs(on.curvature_radpm - per_m * (per_m * on.aside_m + 2.0 * slope)) <= most_radpm:
+                break
+            per_m *= SLOWER_SHARE
+        return Return(on.along_m, on.aside_m, slope, per_m)
 
     def aside_at(self, way_m: Floats) -> Floats:
         """Return the lateral error after ways (n,) along the line."""

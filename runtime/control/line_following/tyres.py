@@ -32,6 +32,10 @@ class Tyres:
         share = min(max(share, 1.0 / MOST_OTHER), MOST_OTHER)
         return Tyres(self.wheelbase_m, self.mu, share * self.front_per_rad, share * self.rear_per_rad)
 
+    def most_radpm(self, speed_mps: float) -> float:
+        """Return the tightest bend that the grip allows."""
+        return MOST_SHARE * self.mu * GRAVITY_MPS2 / (speed_mps * speed_mps)
+
     def rear_slip_rad(self, lateral_mps2: float) -> float:
         """Return the angle by which the rear axle's way points outward from the car's heading, in a steady bend."""
         return slip_rad(lateral_mps2, self.rear_per_rad, self.mu)

@@ -93,6 +93,14 @@ def test_a_heading_error_dies_out_although_turn_and_command_lag(speed):
     assert max(off_rad[off_rad.index(over) :]) < 0.025
 
 
+def test_no_error_asks_for_a_tighter_bend_than_the_grip_allows():
+    most_radpm = TYRES.most_radpm(5.5)
+    assert most_radpm * 5.5**2 == pytest.approx(MOST_SHARE * TYRES.mu * GRAVITY_MPS2)
+    for aside_m, off_rad in ((0.4, 0.4), (-0.4, -0.4), (0.0, 0.8)):
+        asked_rad = steered(beside(aside_m=aside_m, off_rad=off_rad, speed=5.5))
+        assert abs(asked_rad) <= abs(TYRES.steering_rad(most_radpm, 5.5)) + 1e-9
+
+
 def test_the_way_to_the_line_is_no_steeper_than_its_bound():
     speed = 1.2
     car = beside(aside_m=2.0, speed=speed)

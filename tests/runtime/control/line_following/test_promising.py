@@ -52,6 +52,16 @@ def test_the_promised_way_is_driven(speed, aside_m, off_rad):
         assert np.abs(promised[:-1] + share * chords - car.place_m).min() < 0.1
 
 
+def test_a_promise_bends_no_more_than_the_grip_allows():
+    speed_mps, steps_m, bends_radpm = 5.5, np.arange(0.0, 6.0, 0.05), []
+    car = beside(aside_m=0.1, off_rad=0.2, speed=speed_mps)
+    on, most_radpm = WIDE.nearest(car.place_m), TYRES.most_radpm(speed_mps)
+    for bound_radpm in (most_radpm, math.inf):
+        aside_m = Return.of(on, course_rad(car), speed_mps, bound_radpm).aside_at(steps_m)
+        bends_radpm.append(np.abs(on.curvature_radpm + np.diff(aside_m, 2) / 0.05**2).max())
+    assert bends_radpm[0] <= most_radpm < 0.8 * bends_radpm[1]
+
+
 def test_a_promise_that_was_missed_widens_the_next_ones_for_a_while():
     made = Promises()
     for k in range(100):
