@@ -4,6 +4,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 
 KERNEL := .venv/.kernel
+BYTECODE := .venv/.bytecode
 
 # Kept bytecode halves what tests and the processes that they start spend on imports, whatever the shell says of it.
 export PYTHONDONTWRITEBYTECODE :=
@@ -16,10 +17,10 @@ sim: $(KERNEL)
 	$(BIN)/wallride sim $(ARGS)
 
 # All that stops the car, without what is slow by nature (tests/tiers.py); test-all has that too.
-test: $(KERNEL)
+test: $(KERNEL) $(BYTECODE)
 	$(PYTEST) --quick $(ARGS)
 
-test-all: $(KERNEL)
+test-all: $(KERNEL) $(BYTECODE)
 	$(PYTEST) $(ARGS)
 
 check: $(READY)
@@ -27,7 +28,7 @@ check: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 	@# mypy takes one core; on the other one the tests' bytecode is made.
-	$(BIN)/pytest -qq --collect-only >/dev/null 2>&1 & $(BIN)/mypy && wait
+	$(BIN)/pytest -qq --collect-only >/dev/null 2>&1 & $(BIN)/mypy && wait && touch $(BYTECODE)
 	$(MAKE) test-all
 
 kernel: $(KERNEL)
@@ -45,6 +46,11 @@ fuzz: $(KERNEL)
 book: $(READY)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[book]'
 	$(BIN)/sphinx-build --fail-on-warning --quiet -c docs . build/book
+
+# Of a new clone, once: workers that start together would each compile everything. One half for each core.
+$(BYTECODE): $(READY)
+	@for half in "runtime drivers" "clients docs sim system wallride"; do \
+	  $(BIN)/pytest -qq --collect-only $$(printf 'tests/%s ' $$half) >/dev/null 2>&1 & done; wait; touch $@
 
 format: $(READY)
 	$(BIN)/ruff format .
