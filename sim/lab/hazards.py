@@ -105,6 +105,11 @@ def run(cell: Cell) -> SimulatedRun:
     if cell.scenario.startswith(NORMAL):
         case = case_of(cell.scenario.removeprefix(NORMAL), cell.speed_mps, cell.mu, cell.side, cell.seed)
         return drive_case(cell, case)
+    return drive_case(cell, *case_of_hazard(cell))
+
+
+def case_of_hazard(cell: Cell) -> tuple[Case, BlindDriver]:
+    """Return the drive of a cell of HAZARDS, and its navigator."""
     hazard = HAZARDS[cell.scenario]
     sign = 1.0 if cell.side == "left" else -1.0
     world = world_of(hazard.world, cell.side)
@@ -120,8 +125,7 @@ def run(cell: Cell) -> SimulatedRun:
         seed=cell.seed,
     )
     turns_at_s = hazard.turns_after_m / cell.speed_mps
-    blind = BlindDriver(cell.speed_mps, sign * hazard.steering_rad, turns_at_s)
-    return drive_case(cell, case, blind)
+    return case, BlindDriver(cell.speed_mps, sign * hazard.steering_rad, turns_at_s)
 
 
 def measure(cell: Cell) -> Figures:
