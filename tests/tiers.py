@@ -24,7 +24,8 @@ SLOW: Final = (
     "wallride/test_install.py", "wallride/test_one_package.py", "wallride/vesc/test_command.py",
     # hundreds of drives or searches: the lab's experiments and what they are made of
     "benchmarks/test_corners.py", "benchmarks/test_recordings.py", "benchmarks/test_simulator.py",
-    "runtime/calibration/test_planted_errors.py", "sim/fit/test_fit.py", "sim/lab/", "sim/lab_report/test_report.py",
+    "runtime/calibration/test_planted_errors.py", "runtime/calibration/test_responses.py",
+    "runtime/calibration/test_thin_drives.py", "sim/fit/test_fit.py", "sim/lab/", "sim/lab_report/test_report.py",
     "sim/replay/test_foreign.py", "sim/replay/test_reenact.py", "sim/scenario/test_virtual_drive.py", "sim/tuning/",
     "sim/virtual/test_turning_sensor.py",
     "sim/virtual/test_driving_together.py", "sim/world/test_map_file.py", "sim/world/test_map_start.py",
