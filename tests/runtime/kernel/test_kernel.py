@@ -12,9 +12,12 @@ import sysconfig
 import numpy as np
 import pytest
 
+from tests.compiled_laws import put_c_in_place
 from wallride.drivers import accelerated
 from wallride.drivers.accelerated import FUNCTIONS, ROOT
 from wallride.runtime import kernel
+from wallride.runtime.control.perception import view
+from wallride.runtime.control.perception.obstacles import rear_memory
 from wallride.runtime.kernel.build import FILE, BuildError, _headers, build
 from wallride.runtime.kernel.survey import Survey, c_digest, read_seal
 
@@ -266,6 +269,20 @@ def test_the_c_has_no_warnings(tmp_path):
     strict = "-fsyntax-only", "-Wall", "-Wextra", "-Wconversion", f"-I{tmp_path}", f"-I{ROOT / 'runtime/kernel'}"
     said = subprocess.run(["gcc", *strict, *foreign, *map(str, files)], capture_output=True, text=True, check=True)
     assert said.stderr == ""
+
+
+def test_tests_of_an_edited_law_run_its_python_too(compiled, monkeypatch):
+    fits = accelerated.Accelerated.compiled
+
+    def edited(one):
+        if one.python.__name__ == "find_near_places":
+            raise accelerated.UnfitError("edited since its C was sealed")
+        return fits(one)
+
+    monkeypatch.setattr(accelerated.Accelerated, "compiled", edited)
+    put_c_in_place(monkeypatch)
+    assert rear_memory.find_near_places is FUNCTIONS["find_near_places"].python
+    assert view.view_scan is not FUNCTIONS["view_scan"].python
 
 
 def test_the_state_names_every_function_that_runs_in_python(compiled):
