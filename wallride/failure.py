@@ -16,8 +16,8 @@ USAGE_ERROR = 2
 UNEXPECTED = 1
 ASKED_AGAIN_S = 0.02
 OF_A_PLACE = frozenset({
-    errno.EACCES, errno.EDQUOT, errno.EEXIST, errno.EISDIR, errno.ENAMETOOLONG, errno.ENOENT, errno.ENOSPC,
-    errno.ENOTDIR, errno.EPERM, errno.EROFS,
+    errno.EACCES, errno.EDQUOT, errno.EEXIST, errno.EFBIG, errno.EIO, errno.EISDIR, errno.ELOOP, errno.ENAMETOOLONG,
+    errno.ENOENT, errno.ENOSPC, errno.ENOTDIR, errno.EPERM, errno.EROFS,
 })  # fmt: skip
 """Errors of a file or folder that the user named, or of the disk it is on: not mistakes of the program."""
 TRACEBACK_VARIABLE = "WALLRIDE_TRACEBACK"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from wallride import replay_options
 from wallride.failure import fail, needs
-from wallride.parser import add_config, add_json, add_set, default_config, writable_path
+from wallride.parser import add_config, add_json, add_set, default_config, writable_files
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
@@ -27,8 +27,9 @@ def add(commands: "Commands") -> None:
     )
     line.add_argument("map", metavar="MAP", help="a ROS map's .yaml file, a built-in world, or track:seed=N")
     line.add_argument(
-        "-o", dest="output", type=Path, metavar="LINE.csv", help="file to write (default: MAP.line.csv here)"
-    )
+        "-o", dest="output", type=writable_files, metavar="LINE.csv",
+        help="file to write; the picture goes beside it (default: MAP.line.csv here)",
+    )  # fmt: skip
     line.add_argument("--side", choices=("left", "right"), help="which wall leads round the map (default: left)")
     line.add_argument(
         "--path", type=Path, metavar="FILE",
@@ -53,7 +54,7 @@ def _add_map(commands: "Commands") -> None:
     )
     replay_options.add_recording(map_)
     map_.add_argument(
-        "-o", dest="output", type=writable_path, metavar="MAP.yaml",
+        "-o", dest="output", type=writable_files, metavar="MAP.yaml",
         help="map to write; image, path, walls and picture go beside it (default: the recording's name, here)",
     )  # fmt: skip
     map_.add_argument(
@@ -74,7 +75,7 @@ def _add_pose(commands: "Commands") -> None:
     replay_options.add_recording(pose)
     pose.add_argument("map", type=Path, metavar="MAP.yaml", help="a map of `wallride map`, or any other ROS map")
     pose.add_argument(
-        "-o", dest="output", type=writable_path, metavar="POSES.csv",
+        "-o", dest="output", type=writable_files, metavar="POSES.csv",
         help="file to write; the picture goes beside it (default: the recording's name with .pose.csv, here)",
     )  # fmt: skip
     pose.add_argument(
@@ -115,12 +116,10 @@ def run(options: argparse.Namespace) -> int:
     options.config = options.config or default_config()
     try:
         return command.run(options)
-    except OSError as error:
-        if error.errno is None:  # a map that is not there, in words
-            return fail(str(error))
-        return fail(f"{error.filename or options.output or 'the output'}: {error.strerror}")
-    except (SettingsError, ValueError) as error:
-        return fail(str(error))
+    except (SettingsError, ValueError, OSError) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        return fail(str(error))  # of a map that is not there, in words
 
 
 def _above_zero(text: str) -> float:

@@ -205,6 +205,14 @@ def writable_path(text: str) -> Path:
     return Path(writable(text))
 
 
+def writable_files(text: str) -> Path:
+    """Return the path of a file to write, with others beside it: no device, whose folder has no place for them."""
+    path = writable_path(text)
+    if path.exists() and not path.is_file():
+        raise argparse.ArgumentTypeError(f"{text} is a device, and other files go beside it; name another place")
+    return path
+
+
 def default_config() -> Path | None:
     """Return the car's settings file where none is named; None where there is none."""
     return named_config() or (DEFAULT_CONFIG if DEFAULT_CONFIG.is_file() else None)

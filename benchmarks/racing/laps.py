@@ -30,13 +30,14 @@ from wallride.runtime.arbitration.command import Source
 from wallride.runtime.control.laws import LawStack
 from wallride.runtime.control.line_following.line_follower import DRIVES
 from wallride.runtime.control.line_following.race_line import CourseLine
+from wallride.runtime.host.output_files import write_files
 from wallride.runtime.line_files import LINE_SUFFIX, read_course, read_line
-from wallride.runtime.map_files import read_map
+from wallride.runtime.map_files import read_map, walls_text
 from wallride.runtime.settings.tree import Settings, load_settings
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.car.wiring import WiringConversion, WiringErrors
 from wallride.sim.mapping.closing import close_lap
-from wallride.sim.mapping.map_output import path_of, save_map
+from wallride.sim.mapping.map_output import map_files, path_of
 from wallride.sim.mapping.odometry_path import of_the_axle
 from wallride.sim.mapping.raster import rasterized
 from wallride.sim.mapping.walls import walls_of
@@ -103,9 +104,9 @@ def prepared(race: Race) -> Raced:
         record, truth = recorded(MapDrive(race.place, MAP_MPS, MAP_MU, MAP_SEED, gyro=True), race.data)
         lap = close_lap(record)
         raster = rasterized(lap.frames, lap.poses, record.kind[1])
-        save_map(
-            file.with_suffix(""), raster, path_of(record, lap), walls_of(lap, raster), lap.car.scale, f"of {race.place}"
-        )
+        about = f"of {race.place}"
+        walls = walls_text(walls_of(lap, raster), lap.car.scale, about)
+        write_files(map_files(file.with_suffix(""), raster, path_of(record, lap), walls, about))
         index = np.searchsorted(record.scan_s, [frame.time_s for frame in lap.frames])
         np.savez(poses, true=truth[index], found=of_the_axle(lap.poses, record.lidar_m))
     known, kept = read_map(file), np.load(poses)

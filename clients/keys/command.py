@@ -10,6 +10,7 @@ from typing import Any
 from cryptography import x509
 
 from wallride.clients.keys.folder import KeyFolder
+from wallride.runtime.host.output_files import write_file
 from wallride.runtime.security.access_list import AccessEntry, KeysError
 from wallride.runtime.security.certificates import EXPIRES_SOON, CertificateIdentity, identity_of
 from wallride.runtime.security.key_files import AUTHORITY, CAR, open_to_others
@@ -94,7 +95,7 @@ def _router(options: argparse.Namespace, _car: str, now: datetime) -> list[str]:
     except ValueError as error:
         raise KeysError(f"--listen: {error}") from None
     file = folder / f"{options.name}.json5"
-    file.write_text(f"{ROUTER_HEAD}{json.dumps(config, indent=2)}\n", encoding="utf-8")
+    write_file(file, f"{ROUTER_HEAD}{json.dumps(config, indent=2)}\n")
     cars = [person.name for person in people if person.role is Role.CAR]
     if options.at is not None:
         start = f"wallride router {there / file.name}   (or zenohd -c {there / file.name})"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from wallride.clients.teleop.inputs import Control
 from wallride.clients.teleop.pads import Binding, Layout, LayoutError, layout
+from wallride.runtime.host.output_files import write_file
 
 
 def folder() -> Path:
@@ -60,7 +61,5 @@ def save(where: Path, guid: str, text: str) -> Path:
     """Write a pad's file, whole or not at all; returns its path."""
     where.mkdir(parents=True, exist_ok=True)
     path = where / f"{guid}.toml"
-    draft = path.with_suffix(".new")
-    draft.write_text(text, encoding="utf-8")
-    draft.replace(path)
+    write_file(path, text)
     return path

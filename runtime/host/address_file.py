@@ -4,9 +4,10 @@
 """
 
 import json
-import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
+
+from wallride.runtime.host.output_files import write_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,9 +22,7 @@ class Address:
 
 def write_address(path: Path, address: Address) -> None:
     """Write the whole file at once, so that a reader never gets half of it; OSError when it cannot be written."""
-    part = path.with_name(f"{path.name}.{os.getpid()}")
-    part.write_text(json.dumps(asdict(address)) + "\n")
-    part.replace(path)
+    write_file(path, json.dumps(asdict(address)) + "\n")
 
 
 def read_address(path: Path) -> Address | None:

@@ -7,9 +7,9 @@ import platform
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, Final
 
+from wallride.runtime.host.output_files import write_answer
 from wallride.sim.bench import measure
 from wallride.sim.bench.medians import median_of
 from wallride.sim.bench.rig import BenchError
@@ -42,10 +42,11 @@ def run(options: argparse.Namespace) -> int:
     medians = median_of(runs)
     if options.measurement == "latency":  # a median would hide a single slipped one
         medians["onsets"] |= {name: sum(one["onsets"][name] for one in runs) for name in ("onsets", "slipped")}
-    for line in TABLES[options.measurement](medians):
-        print(line)  # noqa: T201
-    if options.json is not None:
-        _write(options.json, {"measurement": options.measurement, **machine(), "medians": medians, "runs": runs})
+    if options.json != "-":
+        for line in TABLES[options.measurement](medians):
+            print(line)  # noqa: T201
+    document = {"measurement": options.measurement, **machine(), "medians": medians, "runs": runs}
+    write_answer(json.dumps(document, indent=2) + "\n", options.json)
     if options.plot is not None and samples_ms:
         from wallride.sim.bench.picture import histogram
 
@@ -136,11 +137,3 @@ def _row(name: str, figures: Mapping[str, Any], prefix: str) -> str:
 
 def _say(text: str) -> None:
     print(text, file=sys.stderr)  # noqa: T201 - progress
-
-
-def _write(target: str, document: Mapping[str, Any]) -> None:
-    text = json.dumps(document, indent=2)
-    if target == "-":
-        print(text)  # noqa: T201
-    else:
-        Path(target).write_text(text + "\n")

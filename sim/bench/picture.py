@@ -7,6 +7,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from wallride.runtime.host.output_files import write_file
+
 mpl.use("agg")
 
 
@@ -26,4 +28,4 @@ def histogram(file: Path, title: str, samples_ms: Mapping[str, Sequence[float]])
     axes.set(xscale="log", xlabel="scan to command [ms]", ylabel="share of scans", title=title)
     axes.legend()
     file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, dpi=110)
+    write_file(file, lambda drawn: figure.savefig(drawn, format="png", dpi=110))

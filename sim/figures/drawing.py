@@ -9,6 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from wallride.runtime.host.output_files import write_file
 from wallride.sim.figures.comparison import ComparedSteering
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import CAR, Floats, Footprint, Pose
@@ -31,7 +32,7 @@ def save_plot(path: Path, world: World, track: Floats, times_s: Floats, errors_m
     _draw_world(above, world, track)
     above.set_title(title)
     _draw_errors(below, times_s, errors_m)
-    figure.savefig(path, dpi=_DPI)
+    _save(path, figure)
 
 
 def save_comparison(path: Path, pairs: Sequence[ComparedSteering], title: str) -> None:
@@ -45,7 +46,11 @@ def save_comparison(path: Path, pairs: Sequence[ComparedSteering], title: str) -
     axes.axhline(0.0, color="0.8", linewidth=0.8, zorder=0)
     axes.set(xlabel="time [s]", ylabel="steering [rad], left positive", title=title)
     axes.legend(loc="upper right")
-    figure.savefig(path, dpi=_DPI)
+    _save(path, figure)
+
+
+def _save(path: Path, figure: Figure) -> None:
+    write_file(path, lambda file: figure.savefig(file, format=path.suffix.lstrip("."), dpi=_DPI))
 
 
 def _draw_world(axes: Axes, world: World, track: Floats) -> None:

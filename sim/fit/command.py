@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from wallride.runtime.host.output_files import write_file
 from wallride.sim.fit.estimate import CarEstimate, conditions_text, distance, estimate, rows
 from wallride.sim.recordings import RecordingError
 
@@ -20,12 +21,9 @@ def run(options: argparse.Namespace) -> int:
         with Console(stderr=True).status(f"matching the scans of {len(options.files)} recordings"):
             found = estimate(options.files, options.wheelbase, options.topic)
         if options.out is not None:
-            options.out.write_text(conditions_text(found))
-    except (RecordingError, OSError) as error:
-        words = str(error)
-        if isinstance(error, OSError) and error.filename is None:  # of a write
-            words = f"{options.out}: {error.strerror}; name another place with --out"
-        print(f"wallride: {words}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+            write_file(options.out, conditions_text(found))
+    except RecordingError as error:
+        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
         return USAGE_ERROR
     _show(found, Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH), options.out)
     return 0

@@ -13,6 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from wallride.runtime.host.output_files import write_answer
 from wallride.runtime.settings.tree import SettingsError
 from wallride.sim.lab import laws
 from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Figures, TabledCell
@@ -256,11 +257,7 @@ def _write(
         "notes": {table.title: table.notes for table in tables if table.notes},
         "cells": figures,
     }
-    text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
-    if options.json == "-":
-        sys.stdout.write(text)
-    else:
-        Path(options.json).write_text(text)
+    write_answer(json.dumps(summary, indent=1, allow_nan=False) + "\n", options.json)
 
 
 def _show(tables: Sequence[TabledCell], console: Console, took: str) -> None:

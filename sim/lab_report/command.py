@@ -11,6 +11,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from wallride.runtime.host.output_files import write_files
 from wallride.runtime.settings.tree import SettingsError
 from wallride.sim.lab import laws
 from wallride.sim.lab.cell import Cell, Figures
@@ -73,11 +74,11 @@ def write(plan: ReportPlan, rows: Mapping[str, list[Figures]], folder: Path) -> 
     """Write report.html, report.md with its pictures, and figures.json; the same rows give the same bytes."""
     folder.mkdir(parents=True, exist_ok=True)
     of = version("wallride")
-    (folder / "report.html").write_text(html_page(plan, rows, of), encoding="utf-8")
-    (folder / "report.md").write_text(markdown_page(plan, rows, of, folder / "figures"), encoding="utf-8")
-    (folder / "figures.json").write_text(
-        json.dumps(document(plan, rows), indent=1, allow_nan=False) + "\n", encoding="utf-8"
-    )
+    write_files({
+        folder / "report.html": html_page(plan, rows, of),
+        folder / "report.md": markdown_page(plan, rows, of, folder / "figures"),
+        folder / "figures.json": json.dumps(document(plan, rows), indent=1, allow_nan=False) + "\n",
+    })  # fmt: skip
 
 
 def plan_of(options: argparse.Namespace) -> ReportPlan:

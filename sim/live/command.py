@@ -12,6 +12,7 @@ from typing import Any
 
 from rich.console import Console
 
+from wallride.runtime.host.output_files import write_answer
 from wallride.runtime.host.user_module import UserCodeError
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.car.vehicle import Vehicle, VehicleSettings
@@ -25,7 +26,6 @@ from wallride.sim.live.drive_summary import (
     recorded_words,
     summarize,
     summary_table,
-    write_summary,
 )
 from wallride.sim.live.fleet import build_fleet, fleet_summary, run_fleet, write_fleet
 from wallride.sim.live.live_conditions import LiveConditions
@@ -93,7 +93,7 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
         return KILLED if stop.killed else USAGE_ERROR if error.exit_code == USAGE_ERROR else FAILED
     if options.json != "-":
         _show(summary, console, put_back=options.put_back)
-    write_summary(summary, options.json)
+    write_answer(json.dumps(summary, indent=2) + "\n", options.json)
     if failed_to_record(summary["recording"]):
         return FAILED
     if summary["telemetry"] != HEARD:

@@ -1,7 +1,5 @@
 """Summary of a simulated drive: its figures as one dictionary, as a table for people, as JSON, and as a picture."""
 
-import json
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -82,17 +80,6 @@ def _stands_because(decision: Mapping[str, Any] | None) -> str | None:
 def _recording(status: Mapping[str, Any] | None) -> dict[str, Any] | None:
     """Return the file's name, "" without one, and the recorder's words; None where nothing was heard of it."""
     return {"file": status.get("file") or "", "words": status.get("words") or ""} if status else None
-
-
-def write_summary(summary: dict[str, Any], target: str | None) -> None:
-    """Write the summary as JSON; "-" is standard output, None nowhere."""
-    if target is None:
-        return
-    text = json.dumps(summary, indent=2) + "\n"
-    if target == "-":
-        sys.stdout.write(text)
-    else:
-        Path(target).write_text(text)
 
 
 def plot_drive(path: Path, world: World, record: Record, settings: Settings) -> None:

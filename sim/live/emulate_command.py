@@ -13,6 +13,7 @@ from typing import Final
 import tomlkit
 from rich.console import Console
 
+from wallride.runtime.host.output_files import write_file
 from wallride.runtime.own_drivers.settings import OwnMotorSettings
 from wallride.runtime.settings.devices import DEFAULT_DRIVERS
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
@@ -95,9 +96,7 @@ def write_settings(file: Path, addresses: DeviceAddresses, settings: Settings | 
                 table[key] = value
     text = tomlkit.dumps(document)
     if is_new or text != file.read_text(encoding="utf-8"):
-        fresh = file.with_name(f"{file.name}.new")
-        fresh.write_text(text, encoding="utf-8")
-        fresh.replace(file)
+        write_file(file, text)
 
 
 def _show(console: Console, file: Path, world: str, addresses: DeviceAddresses, variable: str) -> None:

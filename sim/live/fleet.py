@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from wallride.runtime.host.output_files import write_answer
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.wire.ports import free_endpoint
 from wallride.sim.car.vehicle import Vehicle
@@ -98,13 +99,9 @@ def write_fleet(summary: dict[str, Any], target: str | None, code: UserCode, con
 
     code: the user's laws and drivers.
     """
-    text = json.dumps(summary, indent=2) + "\n"
-    if target == "-":
-        sys.stdout.write(text)
-    else:
-        if target is not None:
-            Path(target).write_text(text, encoding="utf-8")
+    if target != "-":
         console.print(_table(summary))
+    write_answer(json.dumps(summary, indent=2) + "\n", target)
     failed = {name: code.faults(car["faults"] or ()) for name, car in summary["cars"].items()}
     for name, faults in failed.items():
         if faults:

@@ -7,9 +7,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Final
 
+from wallride.runtime.host.output_files import write_answer, write_files
+from wallride.runtime.map_files import walls_text
 from wallride.sim.mapping.closing import ClosedLap, close_lap
 from wallride.sim.mapping.lap_record import LapRecord, read_record
-from wallride.sim.mapping.map_output import ABOUT, path_of, save_map, save_picture
+from wallride.sim.mapping.map_output import ABOUT, map_files, path_of, save_picture
 from wallride.sim.mapping.raster import rasterized
 from wallride.sim.mapping.verdict import MapVerdict, judge_map
 from wallride.sim.mapping.walls import walls_of
@@ -29,22 +31,18 @@ def run(options: argparse.Namespace) -> int:
         stem = stem.with_name(f"{stem.name}-refused")
     raster, path = rasterized(lap.frames, lap.poses, record.kind[1]), path_of(record, lap)
     scale = lap.car.scale if len(record.reports) else None
-    files = save_map(stem, raster, path, walls_of(lap, raster), scale, f"{ABOUT}{record.name}, {words}")
-    if record.world:
-        with files[0].open("a", encoding="utf-8") as file:
-            file.write(f"# world: {record.world}\n")
-    picture = stem.with_name(f"{stem.name}.png")
+    about = f"{ABOUT}{record.name}, {words}"
+    walls = walls_text(walls_of(lap, raster), scale, about)
+    files = map_files(stem, raster, path, walls, about, record.world)
     title = f"{record.name}: {verdict.way_m:.1f} m, {'good' if verdict.good else 'refused'}"
-    save_picture(picture, raster, path, lap, title)
-    if options.json is not None:
-        text = json.dumps({**asdict(verdict), "scale": lap.car.scale, "trim_rad": lap.car.trim_rad})
-        if options.json == "-":
-            print(text)  # noqa: T201 - this is the command's answer
-            return 0 if verdict.good else REFUSED
-        Path(options.json).write_text(text + "\n", encoding="utf-8")
-    written = ", ".join(str(file) for file in (*files, picture))
-    for line in (*summary(record, lap, verdict), f"written: {written}", f"verdict: {words}"):
-        print(line)  # noqa: T201
+    files[stem.with_name(f"{stem.name}.png")] = lambda file: save_picture(file, raster, path, lap, title)
+    write_files(files)
+    told = {**asdict(verdict), "scale": lap.car.scale, "trim_rad": lap.car.trim_rad}
+    write_answer(json.dumps(told) + "\n", options.json)
+    if options.json != "-":
+        written = f"written: {', '.join(map(str, files))}"
+        for line in (*summary(record, lap, verdict), written, f"verdict: {words}"):
+            print(line)  # noqa: T201 - this is the command's answer
     return 0 if verdict.good else REFUSED
 
 

@@ -5,12 +5,12 @@ recording began, x ahead. `wallride line` finds it beside the map.
 """
 
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
 import numpy as np
 
-from wallride.runtime.control.localization.wall_points import WallPoints
-from wallride.runtime.map_files import WALLS_SUFFIX, walls_text
+from wallride.runtime.host.output_files import Content
+from wallride.runtime.map_files import WALLS_SUFFIX
 from wallride.sim.mapping.closing import ClosedLap
 from wallride.sim.mapping.lap_record import LapRecord
 from wallride.sim.mapping.odometry_path import of_the_axle
@@ -35,27 +35,24 @@ def path_of(record: LapRecord, lap: ClosedLap) -> Floats:
     return np.column_stack([times_s - record.scan_s[0], axle, ahead])
 
 
-def save_map(
-    stem: Path, raster: Raster, path: Floats, walls: WallPoints, scale: float | None, about: str
-) -> list[Path]:
-    """Write the grid, the path and the walls, and return the files. Raises: OSError.
+def map_files(stem: Path, raster: Raster, path: Floats, walls: str, about: str, world: str = "") -> dict[Path, Content]:
+    """Return the files of the grid, the path and the walls, with their contents.
 
-    scale: of the wheels, None where nothing tells it. about: one sentence for all files.
+    walls: as of `walls_text`. about: one sentence for all files. world: the simulated one.
     """
     endings = (".pgm", ".yaml", PATH_SUFFIX, WALLS_SUFFIX)
     image, yaml, way, lines = (stem.with_name(stem.name + ending) for ending in endings)
     shades = np.where(raster.wall, WALL, np.where(raster.free, FREE, UNKNOWN)).astype(np.uint8)[::-1]
-    image.write_bytes(f"P5\n{shades.shape[1]} {shades.shape[0]}\n255\n".encode() + shades.tobytes())
-    yaml.write_text(
-        f"# {about}\nimage: {image.name}\nresolution: {CELL_M}\n"
-        f"origin: [{raster.corner_m[0]:.3f}, {raster.corner_m[1]:.3f}, 0.0]\n"
-        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n",
-        encoding="utf-8",
-    )
     rows = ("; ".join(f"{value:.4f}" for value in row) for row in path.tolist())
-    way.write_text("\n".join([f"# {about}", f"# {'; '.join(COLUMNS)}", *rows, ""]), encoding="utf-8")
-    lines.write_text(walls_text(walls, scale, about), encoding="utf-8")
-    return [yaml, image, way, lines]
+    return {
+        yaml: f"# {about}\nimage: {image.name}\nresolution: {CELL_M}\n"
+        f"origin: [{raster.corner_m[0]:.3f}, {raster.corner_m[1]:.3f}, 0.0]\n"
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n"
+        + (f"# world: {world}\n" if world else ""),
+        image: f"P5\n{shades.shape[1]} {shades.shape[0]}\n255\n".encode() + shades.tobytes(),
+        way: "\n".join([f"# {about}", f"# {'; '.join(COLUMNS)}", *rows, ""]),
+        lines: walls,
+    }
 
 
 def empty_picture() -> tuple[Any, Any]:
@@ -68,7 +65,7 @@ def empty_picture() -> tuple[Any, Any]:
     return figure, figure.subplots()
 
 
-def save_picture(file: Path, raster: Raster, path: Floats, lap: ClosedLap, title: str) -> None:
+def save_picture(file: IO[bytes], raster: Raster, path: Floats, lap: ClosedLap, title: str) -> None:
     """Write a picture of the map with the path, coloured by speed, and the edges that close the loop."""
     figure, axes = empty_picture()
     shades = np.where(raster.wall, 0.0, np.where(raster.free, 1.0, 0.75))

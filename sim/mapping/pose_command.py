@@ -5,11 +5,12 @@ import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
 import numpy as np
 
 from wallride.runtime.control.localization.localizer import Whereabouts
+from wallride.runtime.host.output_files import write_answer, write_files
 from wallride.runtime.map_files import WALLS_SUFFIX, CarMap, MapError, read_map
 from wallride.sim.mapping.lap_record import LapRecord, own_log, read_record, record_of_log
 from wallride.sim.mapping.map_output import ABOUT, empty_picture
@@ -41,15 +42,14 @@ def run(options: argparse.Namespace) -> int:
         told |= {"own_poses": own.recorded, "own_poses_same": own.same}
     output: Path = options.output or Path(f"{options.file.stem}.pose.csv")
     picture = output.with_suffix(".png")
-    output.write_text(text_of(found, f"pose by wallride of {record.name} on {known.name}"), encoding="utf-8")
-    save_picture(picture, known, found, f"{record.name} on {known.name}")
-    if options.json == "-":
-        print(json.dumps(told))  # noqa: T201 - this is the command's answer
-    else:
-        if options.json is not None:
-            Path(options.json).write_text(json.dumps(told) + "\n", encoding="utf-8")
+    write_files({
+        output: text_of(found, f"pose by wallride of {record.name} on {known.name}"),
+        picture: lambda file: save_picture(file, known, found, f"{record.name} on {known.name}"),
+    })  # fmt: skip
+    write_answer(json.dumps(told) + "\n", options.json)
+    if options.json != "-":
         for line in (*summary(record, known, found, told), f"written: {output}, {picture}"):
-            print(line)  # noqa: T201
+            print(line)  # noqa: T201 - this is the command's answer
     return 0 if told["located"] else NOT_LOCATED
 
 
@@ -118,7 +118,7 @@ def text_of(found: PoseTrack, about: str) -> str:
     return "\n".join([f"# {about}", f"# {'; '.join(COLUMNS)}", *rows, ""])
 
 
-def save_picture(file: Path, known: CarMap, found: PoseTrack, title: str) -> None:
+def save_picture(file: IO[bytes], known: CarMap, found: PoseTrack, title: str) -> None:
     """Write a picture of the map's walls with the poses, coloured by how exactly they are known."""
     figure, axes = empty_picture()
     field = known.field

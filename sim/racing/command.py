@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.host.output_files import write_answer, write_files
 from wallride.runtime.map_files import fingerprint
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.racing.free_space import FreeSpace
@@ -37,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     line = line_of(world, options, car)
     stem = f"{Path(options.map).stem if is_map(options.map) else world.name.replace(':', '-')}.line"
     target: Path = options.output or Path(f"{stem}.csv")
-    if target.is_dir() or target.suffix == PICTURE:
+    if target.suffix == PICTURE:
         raise ValueError(f"-o {target}: name a file, such as {stem}.csv; the picture goes beside it")
     picture = target.with_suffix(PICTURE)
     about = (
@@ -45,15 +46,15 @@ def run(options: argparse.Namespace) -> int:
         f" {options.keep_m:g} m from walls, at most {options.speed_mps:g} m/s"
     )
     map_print = fingerprint(Path(options.map)) if is_map(options.map) else ""
-    target.write_text(text_of(line, about, map_print), encoding="utf-8")
-    save_picture(picture, world.outline_m, line, f"{world.name}: {line.length_m:.1f} m, {line.lap_s:.2f} s")
-    if options.json == "-":
-        print(json.dumps(figures(line)))  # noqa: T201 - this is the command's answer
-        return 0
-    if options.json is not None:
-        Path(options.json).write_text(json.dumps(figures(line)) + "\n", encoding="utf-8")
-    for text in (*summary(line, options.keep_m, world.name), f"written: {target}, {picture}"):
-        print(text)  # noqa: T201
+    title = f"{world.name}: {line.length_m:.1f} m, {line.lap_s:.2f} s"
+    write_files({
+        target: text_of(line, about, map_print),
+        picture: lambda file: save_picture(file, world.outline_m, line, title),
+    })  # fmt: skip
+    write_answer(json.dumps(figures(line)) + "\n", options.json)
+    if options.json != "-":
+        for text in (*summary(line, options.keep_m, world.name), f"written: {target}, {picture}"):
+            print(text)  # noqa: T201 - this is the command's answer
     return 0
 
 

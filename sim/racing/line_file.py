@@ -5,8 +5,7 @@ those of TUM's global_racetrajectory_optimization, but for the heading, which is
 axis).
 """
 
-from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 import numpy as np
 
@@ -29,8 +28,8 @@ def text_of(line: RaceLine, about: str, map_print: str = "") -> str:
     return "\n".join([*head, f"# {'; '.join(COLUMNS)}", *rows, ""])
 
 
-def save_picture(path: Path, outline_m: np.ndarray, line: RaceLine, title: str) -> None:
-    """Write a picture of the line on its map, coloured by speed; the ending of the path decides the format.
+def save_picture(file: IO[bytes], outline_m: np.ndarray, line: RaceLine, title: str) -> None:
+    """Write a picture of the line on its map, coloured by speed, as PNG.
 
     outline_m: segments x0, y0, x1, y1, shape (k, 4).
     """
@@ -54,4 +53,4 @@ def save_picture(path: Path, outline_m: np.ndarray, line: RaceLine, title: str) 
     axes.set_ylim(line.y_m.min() - margin_m, line.y_m.max() + margin_m)
     axes.set_aspect("equal")
     axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
-    figure.savefig(path, dpi=120)
+    figure.savefig(file, dpi=120)

@@ -11,6 +11,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from wallride.runtime.host.output_files import write_answer
 from wallride.runtime.telemetry.screen_words import because, times
 from wallride.sim.recordings import RecordingError
 from wallride.sim.replay.drive_log import DriveLog, is_mcap, read_log
@@ -173,14 +174,8 @@ def _tell(console: Console, told: RecordedRun, figures: Mapping[str, Any]) -> No
 
 def _write(answer: Mapping[str, Any], target: str | None) -> bool:
     """Write JSON to the requested file; True when no other output is requested."""
-    if target is None:
-        return False
-    text = json.dumps(answer, indent=2) + "\n"
-    if target == "-":
-        print(text, end="")  # noqa: T201 - this is the command's answer
-        return True
-    Path(target).write_text(text)
-    return False
+    write_answer(json.dumps(answer, indent=2) + "\n", target)
+    return target == "-"
 
 
 def _metres(value: float | None) -> str:

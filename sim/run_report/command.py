@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from wallride.runtime.host.output_files import write_answer, write_file
 from wallride.sim.recordings import RecordingError
 from wallride.sim.replay.figures import truth_of
 from wallride.sim.replay.opening import OpenedRecording, open_any
@@ -20,19 +21,11 @@ def run(options: argparse.Namespace) -> int:
     target: Path = options.output or Path(f"{'-'.join(Path(file).stem for file in files)}.html")
     runs = [_shown(file, tag, options) for file, tag in zip(files, "AB" if len(files) > 1 else ("",), strict=True)]
     text = page(*runs)
-    try:
-        target.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise RecordingError(f"{target} cannot be written: {error.strerror}; name another place with -o.") from None
-    if options.json is not None:
-        figures = [one.numbers for one in runs]
-        words = json.dumps(figures[0] if len(figures) == 1 else figures, indent=2) + "\n"
-        if options.json == "-":
-            print(words, end="")  # noqa: T201 - this is the command's answer
-        else:
-            Path(options.json).write_text(words)
-    else:
-        print(f"{target}: {len(text) / 1000:.0f} kB")  # noqa: T201
+    write_file(target, text)
+    if options.json is None:
+        print(f"{target}: {len(text) / 1000:.0f} kB")  # noqa: T201 - this is the command's answer
+    figures = [one.numbers for one in runs]
+    write_answer(json.dumps(figures[0] if len(figures) == 1 else figures, indent=2) + "\n", options.json)
     return 0
 
 

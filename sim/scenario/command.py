@@ -11,6 +11,7 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
+from wallride.runtime.host.output_files import write_answer
 from wallride.sim.scenario.driven import JudgedExpectation, judge, mistakes_after
 from wallride.sim.scenario.scenario_file import load_scenario
 from wallride.sim.scenario.toml_lines import FileMistakeError
@@ -29,12 +30,7 @@ def run(options: argparse.Namespace) -> int:
         return _mistaken([str(error)])
     except KeyboardInterrupt:
         return INTERRUPTED
-    if options.json is not None:
-        text = json.dumps(results, indent=1) + "\n"
-        if options.json == "-":
-            sys.stdout.write(text)
-        else:
-            Path(options.json).write_text(text)
+    write_answer(json.dumps(results, indent=1) + "\n", options.json)
     mistakes = [words for result in results for words in result["mistakes"]]
     if mistakes:
         return _mistaken(mistakes)

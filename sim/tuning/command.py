@@ -11,6 +11,7 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from wallride.runtime.host.output_files import write_file
 from wallride.runtime.settings.tree import SettingsError
 from wallride.sim.lab import laws
 from wallride.sim.lab.command import FIXED_SETTINGS, INTERRUPTED, USAGE_ERROR
@@ -67,7 +68,7 @@ def study_and_judge(plan: TuningPlan, folder: Path, options: argparse.Namespace,
         progress.judging(drives_to_judge(study, plan))
         verdict = judge(study, plan, measure)
     of = version("wallride")
-    (folder / "tuning.html").write_text(tuning_page(study, plan, verdict, of), encoding="utf-8")
+    write_file(folder / "tuning.html", tuning_page(study, plan, verdict, of))
     write_settings(folder / "tuned.toml", settings_text(plan, verdict, of))
     return verdict
 

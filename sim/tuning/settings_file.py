@@ -3,6 +3,7 @@
 import tomllib
 from pathlib import Path
 
+from wallride.runtime.host.output_files import write_file
 from wallride.runtime.parameters.toml_text import set_value
 from wallride.runtime.settings.tree import SettingsError, load_settings
 from wallride.sim.tuning.study import TuningPlan
@@ -36,7 +37,7 @@ def settings_text(plan: TuningPlan, verdict: TuningVerdict, version: str) -> str
 
 def write_settings(path: Path, text: str) -> None:
     """Write the file and load it; SettingsError where it could not be used, which is a bug."""
-    path.write_text(text, encoding="utf-8")
+    write_file(path, text)
     try:
         load_settings(path)
     except SettingsError:

@@ -118,7 +118,9 @@ def test_a_place_that_cannot_be_used_is_a_sentence(mistake, monkeypatch, capsys)
     ("text", "words"),
     [("nowhere/out", "there is no directory nowhere"), (".", "is a directory"), ("kept", "may not be written by you")],
 )
-@pytest.mark.parametrize("option", ["sim --json", "sim --plot", "lab walls --json", "report --json", "report -o"])
+@pytest.mark.parametrize(
+    "option", ["sim --json", "sim --plot", "lab walls --json", "report --json", "report -o", "line loop -o"]
+)
 def test_an_output_is_looked_at_before_the_work_and_told_in_one_line(
     option, text, words, tmp_path, monkeypatch, capsys
 ):
@@ -129,6 +131,14 @@ def test_an_output_is_looked_at_before_the_work_and_told_in_one_line(
         cli.main([*option.split(), text])
     (line,) = capsys.readouterr().err.splitlines()
     assert words in line
+
+
+@pytest.mark.parametrize("command", ["line loop", "map lap.mcap", "pose lap.mcap map.yaml"])
+def test_of_several_files_none_goes_beside_a_device(command, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        cli.main([*command.split(), "-o", "/dev/full"])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "/dev/full is a device, and other files go beside it; name another place" in line
 
 
 def test_where_no_file_can_be_written_the_details_are_shown(monkeypatch, capsys, tmp_path):
@@ -165,3 +175,16 @@ def test_other_lost_errors_are_shown_as_ever(monkeypatch):
     failure.ask_again_for_lost_interrupts()
     sys.unraisablehook(lost := SimpleNamespace(exc_type=ValueError))
     assert shown == [lost]
+
+
+@pytest.mark.parametrize(
+    ("command", "file"),
+    [("new law my_law.py", "my_law.py"), ("new driver my_eye --kind lidar", "test_my_eye.py"),
+     ("line loop", "loop.line.csv"), ("line loop -o out.csv", "out.csv")],
+)  # fmt: skip
+def test_a_full_disk_leaves_no_file_behind(command, file, tmp_path):
+    """A limit of 0 bytes for each file does what a full disk does."""
+    answer = typed(f"ulimit -f 0; $PYTHON -m wallride {command}", tmp_path)
+    assert (answer.returncode, answer.stdout) == (2, "")
+    assert answer.stderr == f"wallride: {file} cannot be used: File too large; name another place\n"
+    assert [one.name for one in tmp_path.iterdir() if one.name != ".cache"] == []

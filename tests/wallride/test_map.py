@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from tests.full_disk import full_disk
 from tests.sim.replay.recorded import record
 from wallride import cli
 from wallride.sim.world.map_file import read_geometry
@@ -61,6 +62,14 @@ def test_a_piece_of_a_lap_is_refused_unless_it_is_meant(recordings, here, capsys
     assert figures["residual_m"] < 0.01
     rows = np.loadtxt(here / "piece.path.csv", delimiter=";")
     assert np.hypot(*np.diff(rows[:, 1:3], axis=0).T).sum() == pytest.approx(figures["way_m"], rel=0.02)
+
+
+@pytest.mark.parametrize("command", ["map", "report"])
+def test_a_full_disk_leaves_no_file_and_says_so(command, recordings, here, capsys):
+    with full_disk(1000):
+        assert cli.main([command, str(recordings / "piece.mcap")]) == 2
+    assert capsys.readouterr().err.endswith(" cannot be used: File too large; name another place\n")
+    assert list(here.iterdir()) == []
 
 
 @pytest.mark.parametrize(

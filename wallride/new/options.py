@@ -7,6 +7,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 
 from wallride.failure import fail
+from wallride.runtime.host.output_files import Content, write_files
 
 HERE = Path(__file__).parent
 KINDS = {"pd": ("pd_follower", "Pd"), "gap": ("gap_follower", "Gap")}
@@ -49,8 +50,7 @@ def run(options: argparse.Namespace) -> int:
     if not law.absolute().parent.is_dir():
         return fail(f"{law}: there is no directory {law.parent}; make it first")
     source, prefix = KINDS[options.kind]
-    law.write_text(_text(source, prefix, law.stem), encoding="utf-8")
-    test.write_text(_text("law_test", "Pd", law.stem), encoding="utf-8")
+    write_files({law: _text(source, prefix, law.stem), test: _text("law_test", "Pd", law.stem)})
     print(f"{law}: class {CLASS}; {test}: its test (python -m pytest {test})")
     print(f"drive it:  wallride sim --set wall_follow.method={law.stem}:{CLASS}")
     return 0
@@ -67,12 +67,14 @@ def run_driver(options: argparse.Namespace) -> int:
     for module in names.values():
         if Path(f"{module}.py").exists():
             return fail(f"{module}.py: exists already; nothing was written")
+    made: dict[Path, Content] = {}
     for source, module in names.items():
         text = (HERE / f"{source}.py").read_text(encoding="utf-8")
         for one, own in names.items():
             text = text.replace(f"wallride.new.{one}", own)
         text = text.replace(f"{kind.capitalize()}Driver", DRIVER).replace(f"{kind.capitalize()}Device", EMULATOR)
-        Path(f"{module}.py").write_text(text, encoding="utf-8")
+        made[Path(f"{module}.py")] = text
+    write_files(made)
     print(f"{name}.py: class {DRIVER}; {name}_emulator.py: its device; test_{name}.py: python -m pytest test_{name}.py")
     print(f"drive it:  wallride sim --set {kind}.driver={name}:{DRIVER}")
     return 0

@@ -6,12 +6,12 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+from wallride.runtime.host.output_files import write_answer
 from wallride.sim.lab.compare.pairs import ComparisonError, RunPairs, pairs_of
 from wallride.sim.lab.compare.sides import SideMaker
 from wallride.sim.lab.compare.statistics import PairedDifference, paired_difference
@@ -113,8 +113,4 @@ def _write(options: argparse.Namespace, pairs: RunPairs, compared: Mapping[str, 
             for name, of in compared.items()
         },
     }
-    text = json.dumps(summary, indent=1, allow_nan=False) + "\n"
-    if options.json == "-":
-        sys.stdout.write(text)
-    else:
-        Path(options.json).write_text(text)
+    write_answer(json.dumps(summary, indent=1, allow_nan=False) + "\n", options.json)

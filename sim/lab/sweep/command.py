@@ -2,6 +2,7 @@
 
 import argparse
 import csv
+import io
 import json
 import sys
 import time
@@ -14,6 +15,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from wallride.runtime.host.output_files import write_answer
 from wallride.sim.lab.figures import distinct, mean, text
 from wallride.sim.lab.pool import progress_bar
 from wallride.sim.lab.sweep.drive_cell import DriveCell, measure, settings_hash
@@ -113,25 +115,17 @@ def check_options(options: argparse.Namespace) -> None:
 
 def export(options: argparse.Namespace, rows: Sequence[Row]) -> None:
     """Write the rows as CSV and JSON where that was asked for; "-" is standard output."""
-    if options.json is not None:
-        whole = json.dumps(rows, indent=1, allow_nan=False) + "\n"
-        if options.json == "-":
-            sys.stdout.write(whole)
-        else:
-            Path(options.json).write_text(whole)
-    if options.csv is not None:
-        if options.csv == "-":
-            _write_csv(sys.stdout, rows)
-        else:
-            with Path(options.csv).open("w", newline="") as file:
-                _write_csv(file, rows)
+    write_answer(json.dumps(rows, indent=1, allow_nan=False) + "\n", options.json)
+    write_answer(_csv_text(rows), options.csv)
 
 
-def _write_csv(file: Any, rows: Sequence[Row]) -> None:  # noqa: ANN401 - any text file
+def _csv_text(rows: Sequence[Row]) -> str:
+    file = io.StringIO()
     writer = csv.DictWriter(file, columns(rows))
     writer.writeheader()
     for row in rows:
         writer.writerow({name: json.dumps(one) if isinstance(one, list) else one for name, one in row.items()})
+    return file.getvalue()
 
 
 def _show(rows: Sequence[Row], plan: SweepPlan, console: Console) -> None:
