@@ -69,7 +69,7 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     that was wanted, drove without telemetry, so that its own report is missing, drove fewer laps than asked for, or a
     law or driver of the user's failed; 2 for a wrong option or a taken port; 130 when it was killed.
     """
-    console = Console(stderr=True)
+    console, answer = Console(stderr=True), Console(stderr=options.json == "-")
     try:
         with stop.loading():
             take_race(options)
@@ -81,7 +81,7 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
             console.print(f"[dim]with what was saved in {saved} (delete it to forget)[/dim]", soft_wrap=True)
         _check_length(options)
         if options.cars > 1:
-            return _fleet(options, config, settings, stop, console, is_scenario=scenario is not None)
+            return _fleet(options, config, settings, stop, (console, answer), is_scenario=scenario is not None)
         scene = _scenario_scene(options, scenario) if scenario is not None else None
         drive = _replay if options.recording is not None else partial(_drive, chosen=scene)
         summary = drive(options, config, settings, stop, console)
@@ -92,7 +92,7 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201
         return KILLED if stop.killed else USAGE_ERROR if error.exit_code == USAGE_ERROR else FAILED
     if options.json != "-":
-        _show(summary, console, put_back=options.put_back)
+        _show(summary, answer, put_back=options.put_back)
     write_answer(json.dumps(summary, indent=2) + "\n", options.json)
     if failed_to_record(summary["recording"]):
         return FAILED
@@ -103,7 +103,7 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     if faults := [*UserCode.of(settings).faults(summary["faults"]), *filter(None, [missing])]:
         print(f"wallride: {'; '.join(faults)}", file=sys.stderr)  # noqa: T201
         return FAILED
-    return _judged(scenario, scene, console) if scenario is not None and scene is not None else 0
+    return _judged(scenario, scene, answer) if scenario is not None and scene is not None else 0
 
 
 def _load(options: argparse.Namespace, config: Path, saved: Path) -> Settings:
@@ -216,12 +216,13 @@ def build_scene(
 
 
 def _fleet(
-    options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest, console: Console, *,
-    is_scenario: bool,
+    options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest,
+    consoles: tuple[Console, Console], *, is_scenario: bool,
 ) -> int:  # fmt: skip
     if options.pose or options.laps or options.plot or options.recording is not None or is_scenario:
         raise SimUsageError("--cars: goes with a world and --duration; not with a scenario, --pose, --laps or --plot")
     conditions = conditions_of(_wishes(options))
+    """Drive several cars. consoles: for progress, and for the answer."""
     try:
         with stop.loading():
             world = load_world(options.world, side=settings.wall_follow.side, seed=options.seed)
@@ -231,12 +232,12 @@ def _fleet(
     for car in cars:
         car.scene.turning = lidar_kinds.device_for(options.lidar)
     try:
-        asyncio.run(run_fleet(cars, options, config, settings, stop, console))
+        asyncio.run(run_fleet(cars, options, config, settings, stop, consoles[0]))
     except* SessionError as group:
         raise _innermost(group) from None
     if stop.killed:
         raise SessionError("killed; there is no summary")
-    return write_fleet(fleet_summary(cars, world.name), options.json, UserCode.of(settings), console)
+    return write_fleet(fleet_summary(cars, world.name), options.json, UserCode.of(settings), consoles[1])
 
 
 def _replay(

@@ -36,7 +36,9 @@ def played(folder, text, *options):
 def test_a_fault_happens_on_the_emulated_devices_and_the_expectations_hold(tmp_path, kind):
     done = played(tmp_path, SCENARIO.format(kind=kind, way_m=1), "--json", str(tmp_path / "summary.json"))
     assert done.returncode == 0, done.stderr
-    assert "pass some.toml:10: stands_within_s = 2 after 3 s: stood after" in done.stderr
+    assert "pass some.toml:10: stands_within_s = 2 after 3 s: stood after" in done.stdout, "results are no log"
+    assert "it stands because" in done.stdout
+    assert "it stands because" not in done.stderr
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["stopped"]
     assert summary["duration_s"] == pytest.approx(6.0, abs=2.0)
@@ -45,7 +47,7 @@ def test_a_fault_happens_on_the_emulated_devices_and_the_expectations_hold(tmp_p
 def test_what_does_not_hold_is_exit_code_1(tmp_path):
     done = played(tmp_path, SCENARIO.format(kind="lidar lost", way_m=100))
     assert done.returncode == 1
-    assert "FAIL some.toml:13: way_above_m = 100: " in done.stderr
+    assert "FAIL some.toml:13: way_above_m = 100: " in done.stdout
 
 
 @pytest.mark.parametrize(

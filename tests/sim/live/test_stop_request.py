@@ -89,4 +89,4 @@ def test_a_simulation_that_still_reads_its_settings_ends_at_once(monkeypatch):
     monkeypatch.setattr("wallride.sim.live.command.find_config", lambda: send(signal.SIGINT))
     stop = StopRequest()
     with stop.listening(), pytest.raises(KeyboardInterrupt):
-        simulate(Namespace(config=None, race=None), stop)
+        simulate(Namespace(config=None, race=None, json=None), stop)
