@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from wallride.runtime.control.score import STANDING_BELOW_MPS
+from wallride.runtime.telemetry.screen_words import times
 from wallride.sim.world.pose import Floats
 
 SETTLE_BAND_M = 0.05
@@ -142,13 +143,24 @@ def _number(value: float) -> float | None:
     return round(float(value), 4) if math.isfinite(value) else None
 
 
+def device_counts(status: Mapping[str, Any]) -> dict[str, int]:
+    """Return what the devices counted, by name: `lidar.checksum`, `motor.reconnect`."""
+    return {
+        f"{device}.{what}": count
+        for device in ("lidar", "motor")
+        for what, count in ((status.get(device) or {}).get("counts") or {}).items()
+        if isinstance(count, int) and count
+    }
+
+
+def count_words(name: str, count: int) -> str:
+    """Return a count in words: "motor missed reply 3 times"."""
+    return f"{name.replace('.', ' ').replace('_', ' ')} {times(count)}"
+
+
 def device_faults(status: Mapping[str, Any]) -> dict[str, int]:
-    """Return every kind of fault that the devices counted, by name: `lidar.checksum`, `motor.reconnect`."""
-    faults = {}
-    for device in ("lidar", "motor"):
-        for what, times in status.get(device, {}).get("counts", {}).items():
-            if times:
-                faults[f"{device}.{what}"] = times
+    """Return what the devices counted, and the motor's fault, by name."""
+    faults = device_counts(status)
     if status.get("fault"):
         faults[f"motor: {status['fault']}"] = 1
     return faults

@@ -11,7 +11,7 @@ from wallride.runtime.arbitration.command import NO_WINNER
 from wallride.runtime.control.line_following.line_follower import DRIVES, JOINS
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.telemetry.screen_words import because, times
-from wallride.sim.figures.summary import OF_THE_WALL, SETTLE_BAND_M, device_faults
+from wallride.sim.figures.summary import OF_THE_WALL, SETTLE_BAND_M, count_words, device_faults
 from wallride.sim.live.record import Record
 from wallride.sim.world.place import World
 
@@ -163,7 +163,7 @@ def _faults(value: Mapping[str, int] | None) -> str:
     if not value:
         return ""
     kinds = {name: count for name, count in value.items() if " " not in name or name.startswith("motor: ")}
-    return ", ".join(f"{name.replace('.', ' ').replace('_', ' ')} {times(count)}" for name, count in kinds.items())
+    return ", ".join(count_words(name, count) for name, count in kinds.items())
 
 
 ROWS: Mapping[str, tuple[str, Words]] = {

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from wallride.drivers.api import NOT_OPENED, LinkState
 from wallride.runtime.recording.channels import LOG
 from wallride.runtime.wire import topics
+from wallride.sim.figures.summary import count_words, device_counts
 from wallride.sim.replay.drive_log import NS, DriveLog
 
 SERIOUS = frozenset({"WARNING", "ERROR", "CRITICAL"})
@@ -26,7 +27,7 @@ class RecordedFault:
 
 def faults_in(log: DriveLog) -> list[RecordedFault]:
     """Return what went wrong, in order; the same words within 1.5 s once."""
-    found = sorted([*_logged(log), *_missing(log), *_unheard(log)], key=lambda fault: fault.stamp_ns)
+    found = sorted([*_logged(log), *_missing(log), *_counted(log), *_unheard(log)], key=lambda fault: fault.stamp_ns)
     kept: list[RecordedFault] = []
     last_ns: dict[str, int] = {}
     for fault in found:
@@ -58,6 +59,29 @@ def _missing(log: DriveLog) -> Iterator[RecordedFault]:
             if words != last.get(subject):
                 yield RecordedFault(stamp_ns, words)
         last = told
+
+
+def _counted(log: DriveLog) -> Iterator[RecordedFault]:
+    """Yield what the devices counted, as the statuses tell: each run of one kind within 1.5 s as one fault."""
+    runs: dict[str, tuple[int, int, int]] = {}  # by kind: begin, newest, how often
+    before: dict[str, int] = {}
+    for stamp_ns, fields in log.json(topics.STATUS):
+        for kind, count in device_counts(fields).items():
+            if (more := count - before.get(kind, 0)) <= 0:
+                continue
+            began_ns, last_ns, some = runs.get(kind, (stamp_ns, stamp_ns, 0))
+            if stamp_ns - last_ns > SAME_NS:
+                yield _run_of(kind, began_ns, last_ns, some)
+                began_ns, some = stamp_ns, 0
+            runs[kind] = began_ns, stamp_ns, some + more
+            before[kind] = count
+    for kind, (began_ns, last_ns, some) in runs.items():
+        yield _run_of(kind, began_ns, last_ns, some)
+
+
+def _run_of(kind: str, began_ns: int, last_ns: int, count: int) -> RecordedFault:
+    lasted_s = (last_ns - began_ns) / NS if last_ns > began_ns else math.nan
+    return RecordedFault(began_ns, count_words(kind, count), lasted_s)
 
 
 def _unheard(log: DriveLog) -> Iterator[RecordedFault]:

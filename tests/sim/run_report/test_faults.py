@@ -61,6 +61,18 @@ def test_the_same_words_of_log_and_status_are_told_once_and_a_second_loss_again(
     assert words_of(*first, *later) == ["motor absent: unplugged"] * 2
 
 
+def counted(at_s, **counts):
+    return message("status", at_s, motor=READY | {"counts": counts}, lidar=READY)
+
+
+def test_what_the_devices_counted_is_a_fault_as_often_as_the_summary_of_a_simulation_has_it():
+    assert words_of(counted(1, missed_reply=1), counted(2, missed_reply=1)) == ["motor missed reply once"]
+    drive = [counted(1), counted(2, missed_reply=1), counted(2.5, missed_reply=3), counted(9, missed_reply=4)]
+    (first, second) = faults_in(DriveLog("made", drive))
+    assert (first.words, first.stamp_ns, first.lasted_s) == ("motor missed reply 3 times", 2 * NS, 0.5)
+    assert (second.words, second.stamp_ns, math.isnan(second.lasted_s)) == ("motor missed reply once", 9 * NS, True)
+
+
 def test_commands_that_no_longer_arrive_are_one_fault_with_its_length():
     decisions = [message("decision", at_s, delivered=at_s < 2 or at_s >= 4) for at_s in (0, 1, 2, 3, 4, 5)]
     (fault,) = faults_in(DriveLog("made", decisions))
