@@ -18,7 +18,7 @@ from wallride.clients.endpoints import (
 )
 from wallride.clients.fleet.search import at_one_endpoint
 from wallride.clients.keys.diagnosis import nothing_heard, why_refused
-from wallride.clients.played import NOTHING_DRIVES, PlayedNames
+from wallride.clients.played import NOTHING_DRIVES, SETTLING_S, PlayedNames
 from wallride.runtime.security.key_files import KeyFiles
 from wallride.runtime.wire import topics, zenoh_config
 from wallride.runtime.wire.bus import Bus
@@ -30,8 +30,6 @@ __all__ = [
 ]  # fmt: skip
 """What clients need; `wallride.clients.endpoints` is apart because the search of several endpoints needs it."""
 FIND_TIMEOUT_S = 3.0
-SETTLING_S = 0.2
-"""Time after the first car's answer in which other cars can announce themselves."""
 
 
 @asynccontextmanager

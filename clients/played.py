@@ -1,11 +1,15 @@
 """Names on the bus that are no cars: recordings that `wallride replay --publish` plays under a car's name."""
 
+import asyncio
 from collections.abc import Iterator
+from typing import Final
 
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 
-NOTHING_DRIVES = "a recording is played here; nothing drives"
+NOTHING_DRIVES: Final = "a recording is played here; nothing drives"
+SETTLING_S: Final = 0.2
+"""Time in which tokens and a car's heartbeat come."""
 
 
 class PlayedNames:
@@ -34,3 +38,10 @@ class PlayedNames:
 
     def _on_beat(self, key: str, _payload: bytes, _arrival_s: float) -> None:
         self._alive.add(key.split("/")[1])
+
+
+async def why_silent(bus: Bus, car: str, otherwise: str) -> str:
+    """Return why a car does not let itself be driven: it is a recording, or the reason given. bus: closed soon."""
+    played = PlayedNames(bus, car)
+    await asyncio.sleep(SETTLING_S)
+    return NOTHING_DRIVES if car in played else otherwise

@@ -22,6 +22,7 @@ from wallride.clients.connection import (
     with_one_endpoint,
 )
 from wallride.clients.parameters import ask
+from wallride.clients.played import NOTHING_DRIVES
 from wallride.clients.remote.driver import RemoteDriver, checked_hand
 from wallride.clients.remote.loop_thread import CLOSED, LoopThread
 from wallride.clients.remote.parameters import RemoteParameters
@@ -52,6 +53,7 @@ class RemoteCar:
         self._operator = operator
         self._thread = LoopThread()
         self._streams: dict[str, list[Stream[Any]]] = {}
+        self._is_played = False
         self._lock = threading.Lock()
         try:
             self._bus, self.name = self._thread.call(self._connected())
@@ -137,13 +139,25 @@ class RemoteCar:
 
     def _record(self, **wish: bool) -> Mapping[str, Any]:
         question = json.dumps(wish).encode()
-        answers = self._thread.call(self._bus.ask(topics.key(self.name, requests.RECORD), question, timeout_s=3.0))
-        if not answers:
-            raise ConnectionProblemError(f"{self.name} does not answer {requests.RECORD}: are you an admin of it?")
+        with self._answered():
+            answers = self._thread.call(self._bus.ask(topics.key(self.name, requests.RECORD), question, timeout_s=3.0))
+            if not answers:
+                raise ConnectionProblemError(f"{self.name} does not answer {requests.RECORD}: are you an admin of it?")
         return topics.decode(answers[0])
 
     def _ask(self, what: str, **question: Any) -> Mapping[str, Any]:  # noqa: ANN401 - as JSON
-        return self._thread.call(ask(self._bus, self.name, what, **question))
+        with self._answered():
+            return self._thread.call(ask(self._bus, self.name, what, **question))
+
+    @contextmanager
+    def _answered(self) -> Iterator[None]:
+        """Say of a question without an answer where it is a recording that was asked."""
+        try:
+            yield
+        except ConnectionProblemError:
+            if self._is_played:
+                raise ConnectionProblemError(f"{self.name}: {NOTHING_DRIVES}; it answers no questions") from None
+            raise
 
     def _stream(self, names: tuple[str, ...], read: Any, *, newest: bool, timeout_s: float) -> Stream[Any]:  # noqa: ANN401
         for name in names:
@@ -185,12 +199,16 @@ class RemoteCar:
         bus = await self._open()
         try:
             name = await find_car(bus, options.car)
+            bus.watch(topics.key(name, topics.PLAYED), self._on_played)
             if options.session is not None:
                 await check_session(bus, name, options.session)
         except BaseException:
             await bus.close()
             raise
         return bus, name
+
+    def _on_played(self, _key: str, alive: bool) -> None:  # noqa: FBT001 - the bus's callback
+        self._is_played = alive
 
     async def _open(self) -> Bus:
         return self._thread.look_after(await open_bus(self._options))

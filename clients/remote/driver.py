@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Final
 
 from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.played import why_silent
 from wallride.clients.remote.hand import UNHEEDED, ScriptedHand
 from wallride.clients.remote.loop_thread import LoopThread
 from wallride.clients.remote.source_block import PERIOD_S, READY_WITHIN_S, SourceBlock
@@ -72,8 +73,9 @@ class RemoteDriver(SourceBlock):
                 await self._ready.wait()
         except TimeoutError:
             block = self._pilot.situation.block if self._pilot.situation is not None else ""
+            why = await why_silent(bus, self._car, str(block or "no answer"))
             await self._end(orderly=True)
-            raise DriveRefusedError(f"{self._car} cannot be driven now: {block or 'no answer'}") from None
+            raise DriveRefusedError(f"{self._car} cannot be driven now: {why}") from None
 
     def _step(self, bus: Bus, now_s: float) -> None:
         self._send(bus, self._pilot.step(self._hand.inputs(now_s), now_s).pack())

@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from typing import Final
 
+from wallride.clients.played import why_silent
 from wallride.clients.remote.acceptance import Acceptance
 from wallride.clients.remote.hand import ScriptedHand
 from wallride.clients.remote.loop_thread import LoopThread
@@ -50,26 +51,27 @@ class RemotePlanner(SourceBlock):
         bus.subscribe(topics.key(self._car, topics.STATUS), self._on_status)
         acceptance = self._acceptance
         try:
-            await self._until(lambda: self._beat is not None, "no heartbeat from the car")
-            await self._until(lambda: acceptance.is_listed, NO_STATUS)
+            await self._until(lambda: self._beat is not None, bus, "no heartbeat from the car")
+            await self._until(lambda: acceptance.is_listed, bus, NO_STATUS)
             acceptance.begin(time.monotonic())
             self._loop = asyncio.create_task(self._run(bus), name="plan")
-            await self._until(lambda: acceptance.accepted, NO_STATUS)
+            await self._until(lambda: acceptance.accepted, bus, NO_STATUS)
         except BaseException:
             await self._end(orderly=True)
             raise
 
-    async def _until(self, reached: Callable[[], bool], silent: str) -> None:
+    async def _until(self, reached: Callable[[], bool], bus: Bus, silent: str) -> None:
         """Wait for it; PlanRefusedError with the status's reason against it, or `silent` without one in time."""
         try:
             async with asyncio.timeout(READY_WITHIN_S):
                 while not reached():
-                    if self._acceptance.refused:
+                    if self._acceptance.refused and self._beat is not None:  # without a beat it may be no car
                         raise PlanRefusedError(self._acceptance.refused)
                     await self._news.wait()
                     self._news.clear()
         except TimeoutError:
-            raise PlanRefusedError(f"{self._car} cannot be planned for now: {silent}") from None
+            why = await why_silent(bus, self._car, silent)
+            raise PlanRefusedError(f"{self._car} cannot be planned for now: {why}") from None
 
     def _step(self, bus: Bus, now_s: float) -> None:
         inputs = self._hand.inputs(now_s)

@@ -11,12 +11,16 @@ from pathlib import Path
 
 import pytest
 
+import wallride
 from tests.sim.replay.recorded import options
 from wallride.cli import build_parser
 from wallride.clients import logs, parameters, status
 from wallride.clients.connection import Cars, ConnectionProblemError
 from wallride.clients.fleet import cars, stop
 from wallride.clients.played import NOTHING_DRIVES, PlayedNames
+from wallride.clients.remote import driver, planner
+from wallride.clients.remote.driver import DriveRefusedError
+from wallride.clients.remote.planner import PlanRefusedError
 from wallride.clients.teleop import app
 from wallride.runtime.wire import topics, zenoh_config
 from wallride.runtime.wire.bus import Bus
@@ -157,6 +161,22 @@ async def test_no_command_takes_a_recording_for_a_car_that_drives(playing, tmp_p
         parsed, said = command_line(*arguments)
         with pytest.raises(ConnectionProblemError, match=f"car1 at .*: {NOTHING_DRIVES}$"):
             await program(parsed)
+
+
+async def test_a_script_is_told_that_what_it_would_drive_is_a_recording(playing, monkeypatch):
+    for block in (driver, planner):
+        monkeypatch.setattr(block, "READY_WITHIN_S", 0.3)
+    _, client = playing
+
+    def script():
+        with wallride.connect(at=client.endpoint) as car:
+            for block, refused in ((car.drive(), DriveRefusedError), (car.plan("slam"), PlanRefusedError)):
+                with pytest.raises(refused, match=f"^car1 cannot be .* now: {NOTHING_DRIVES}$"), block:
+                    pass
+            with pytest.raises(ConnectionProblemError, match=f"^car1: {NOTHING_DRIVES}; it answers no questions$"):
+                car.parameters["wall_follow.kp"]
+
+    await asyncio.to_thread(script)
 
 
 async def test_a_car_that_is_heard_is_no_recording_whatever_is_announced(speaking_beats):
