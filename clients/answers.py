@@ -17,3 +17,8 @@ def reading(car: str, what: str) -> Iterator[None]:
             f"{one_line(car, 64)}: its {what} cannot be read ({type(error).__name__}): is another version of wallride"
             " on it? (wallride --version on both)"
         ) from error
+
+
+def why_unanswered(*, by_keys: bool) -> str:
+    """Return the question to a person whom a car does not answer. by_keys: whether certificates decide."""
+    return "does your certificate allow it, and is the link up?" if by_keys else "does it still run? (wallride status)"

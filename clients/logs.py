@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from wallride.clients.answers import reading
+from wallride.clients.answers import reading, why_unanswered
 from wallride.clients.connection import ConnectionProblemError, connected
 from wallride.runtime.host.terminal_text import one_line
 from wallride.runtime.recording import requests
@@ -229,9 +229,7 @@ async def _ask(bus: Bus, car: str, what: str, question: Mapping[str, object]) ->
     except TimeoutError:
         answers = []
     if not answers:
-        raise ConnectionProblemError(
-            f"{car} does not answer {what}: does your certificate allow it, and is the link up?"
-        )
+        raise ConnectionProblemError(f"{car} does not answer {what}: {why_unanswered(by_keys=bus.is_by_keys)}")
     return answers[0]
 
 

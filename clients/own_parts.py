@@ -4,7 +4,7 @@ import argparse
 import json
 from contextlib import AsyncExitStack
 
-from wallride.clients.answers import reading
+from wallride.clients.answers import reading, why_unanswered
 from wallride.clients.connection import ConnectionProblemError, connected
 from wallride.clients.status import own_parts_words
 from wallride.runtime.host.terminal_text import one_line, say
@@ -32,7 +32,7 @@ async def run(options: argparse.Namespace) -> int:
         except TimeoutError:
             answers = []
     if not answers:
-        raise ConnectionProblemError(f"{car} does not say: does your certificate allow it, and is the link up?")
+        raise ConnectionProblemError(f"{car} does not say: {why_unanswered(by_keys=bus.is_by_keys)}")
     with reading(car, "answer"):
         told = topics.decode(answers[0])
         say(json.dumps(told) if options.json else one_line(own_parts_words(told)))

@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Sequence
 from typing import Any
 
-from wallride.clients.answers import reading
+from wallride.clients.answers import reading, why_unanswered
 from wallride.clients.connection import ConnectionProblemError, connected
 from wallride.runtime.host.terminal_text import one_line, say
 from wallride.runtime.wire import topics
@@ -41,9 +41,7 @@ async def ask(bus: Bus, car: str, what: str, timeout_s: float = ANSWER_WITHIN_S,
     except TimeoutError:
         answers = []
     if not answers:
-        raise ConnectionProblemError(
-            f"{car} does not answer param/{what}: does your certificate allow it, and is the link up?"
-        )
+        raise ConnectionProblemError(f"{car} does not answer param/{what}: {why_unanswered(by_keys=bus.is_by_keys)}")
     with reading(car, "answer"):
         return topics.decode(answers[0])
 

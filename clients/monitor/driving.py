@@ -51,7 +51,7 @@ NO_INPUT = Inputs(Input.PAGE, live=False, trouble="the page is silent: is it hid
 class PageDriver:
     """Inputs of one page.
 
-    engaged: the page took control; otherwise only an e-stop leaves here.
+    engaged: the page took control; otherwise only an e-stop leaves here. by_keys: as of `advise`.
     """
 
     def __init__(self, name: str, feel: InputShape) -> None:
@@ -64,6 +64,7 @@ class PageDriver:
         self._share = 1.0
         self._heard_s = -math.inf
         self._stopped_s = -math.inf
+        self.by_keys = False
         self.engaged = False
 
     def hear(self, beat: Beat, arrival_s: float) -> None:
@@ -162,7 +163,7 @@ class PageDriver:
         now = self._pilot.situation
         if now is None or not (self.engaged or now.stop_pending):
             return {"engaged": False, "stop_pending": False, "mood": "yellow", "state": "watching", "next": ""}
-        advice = advise(now, NAMES)
+        advice = advise(now, NAMES, by_keys=self.by_keys)
         return {
             "engaged": self.engaged,
             "stop_pending": now.stop_pending,

@@ -8,6 +8,7 @@ import time
 from collections.abc import Mapping
 from typing import Any, Protocol
 
+from wallride.clients.answers import why_unanswered
 from wallride.clients.connection import another_car
 from wallride.clients.monitor.history import PlotHistory
 from wallride.clients.monitor.outbox import FROM_CAR
@@ -67,6 +68,11 @@ class PageFeed:
         self._declared = False
 
     @property
+    def is_by_keys(self) -> bool:
+        """Whether certificates say who may do what."""
+        return self._bus.is_by_keys
+
+    @property
     def is_recording(self) -> bool:
         """Whether what has the car's name is a recording that is played."""
         return self.car in self._played
@@ -100,7 +106,7 @@ class PageFeed:
         except (ConnectionError, TimeoutError):
             answers = []
         if not answers:
-            raise RefusedError(f"{self.car} does not answer: is the link up, and does your certificate allow it?")
+            raise RefusedError(f"{self.car} does not answer: {why_unanswered(by_keys=self.is_by_keys)}")
         try:
             return topics.decode(answers[0])
         except (ValueError, TypeError):

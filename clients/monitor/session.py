@@ -239,6 +239,7 @@ class PageSession:
         except RefusedError as error:
             await self._socket.send_str(json.dumps({"t": "trouble", "reason": str(error)}))
         else:
+            self._driver.by_keys = self._feed.is_by_keys
             lines = self._feed.history.fields(time.monotonic())
             await self._socket.send_str(json.dumps({"t": "history", "car": car, "lines": lines}))
         self._show_monitor()

@@ -13,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
+from wallride.clients.answers import why_unanswered
 from wallride.clients.connection import (
     CONNECT_VARIABLE,
     ConnectionProblemError,
@@ -142,7 +143,8 @@ class RemoteCar:
         with self._answered():
             answers = self._thread.call(self._bus.ask(topics.key(self.name, requests.RECORD), question, timeout_s=3.0))
             if not answers:
-                raise ConnectionProblemError(f"{self.name} does not answer {requests.RECORD}: are you an admin of it?")
+                why = "are you an admin of it?" if self._bus.is_by_keys else why_unanswered(by_keys=False)
+                raise ConnectionProblemError(f"{self.name} does not answer {requests.RECORD}: {why}")
         return topics.decode(answers[0])
 
     def _ask(self, what: str, **question: Any) -> Mapping[str, Any]:  # noqa: ANN401 - as JSON

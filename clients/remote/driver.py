@@ -23,8 +23,8 @@ from wallride.runtime.wire.teleop import CarCondition, Input, Malformed, Press, 
 LATCHED_WITHIN_S: Final = 1.0
 """Time for which a block that pressed the e-stop insists on it at its end."""
 UNCONFIRMED: Final = (
-    f"the car did not confirm the e-stop within {LATCHED_WITHIN_S} s: stop it by hand; is your certificate's role"
-    " operator or admin, and the link fast enough?"
+    f"the car did not confirm the e-stop within {LATCHED_WITHIN_S} s: stop it by hand; is the link fast enough,"
+    " and over tls your certificate's role operator or admin?"
 )
 
 

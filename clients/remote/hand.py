@@ -18,7 +18,7 @@ HOLD_S: Final = 0.2
 UNHEEDED_S: Final = 1.0
 """Duration of pressing without any effect after which the car does not want this client."""
 UNHEEDED: Final = (
-    "the car takes no command of it: is your certificate's role operator or admin, and the link fast enough?"
+    "the car takes no command of it: is the link fast enough, and over tls your certificate's role operator or admin?"
 )
 NO_RAMP_MPS2: Final = 1e6
 """The car's limiter bounds the acceleration."""

@@ -39,23 +39,24 @@ class Advice:
     next_step: str
 
 
-def advise(now: PilotState, names: Mapping[Control, str] = PAD_NAMES) -> Advice:
-    """Return the advice; names: labels of this device's buttons."""
+def advise(now: PilotState, names: Mapping[Control, str] = PAD_NAMES, *, by_keys: bool = False) -> Advice:
+    """Return the advice. names: labels of this device's buttons. by_keys: whether certificates say who may drive."""
     if now.stop_pending:
         return Advice(AdviceLevel.STOPPED, "E-STOP", "sending the e-stop until the car confirms it" + _link_note(now))
     if now.block is not DeadmanFault.NONE:
-        return _blocked(now, names)
+        return _blocked(now, names, by_keys=by_keys)
     if now.flags in {Press.RESET, Press.TAKE_OVER}:
         return Advice(AdviceLevel.WAITING, "asking the car", "")
     if not now.armed:
         return Advice(AdviceLevel.WAITING, "release first", _release(now, names))
-    return _armed(now, names)
+    return _armed(now, names, by_keys=by_keys)
 
 
-def _blocked(now: PilotState, names: Mapping[Control, str]) -> Advice:
+def _blocked(now: PilotState, names: Mapping[Control, str], *, by_keys: bool) -> Advice:
+    allowed = ": may this certificate read it?" if by_keys else ""
     release = _release(now, names)
     texts = {
-        DeadmanFault.WAITING: ("waiting", "no heartbeat from the car yet: may this certificate read it?"),
+        DeadmanFault.WAITING: ("waiting", f"no heartbeat from the car yet{allowed}"),
         DeadmanFault.LINK: ("LINK LOST", f"{_link_lost(now)}: the car stops by itself; wait, {release}"),
         DeadmanFault.DEVICE: ("NO INPUT", now.inputs.trouble or "no input device"),
         DeadmanFault.FROZEN: ("PAD SILENT", f"no event for {now.input_age_s:.1f} s: is the pad on and near? {release}"),
@@ -84,14 +85,15 @@ def _other(now: PilotState, names: Mapping[Control, str]) -> tuple[str, str]:
     return f"{now.operator_name} drives", take_over
 
 
-def _armed(now: PilotState, names: Mapping[Control, str]) -> Advice:
+def _armed(now: PilotState, names: Mapping[Control, str], *, by_keys: bool) -> Advice:
     driving = now.mine and now.flags in {Press.MANUAL, Press.AUTONOMY}
     if now.too_slow and not driving:
         patience_s = now.patience_s if math.isfinite(now.patience_s) else LINK_LOST_S
         text = f"what you see is up to {now.link_s:.1f} s old, and the car obeys nothing older than {patience_s:.1f} s"
         return Advice(AdviceLevel.STOPPED, "LINK SLOW", f"{text}: come nearer, or close other pages")
     if now.unminded_s > MINDED_S:
-        text = "the car does not take our commands: has this certificate the operator role?"
+        why = "has this certificate the operator role?" if by_keys else "`wallride status` says why"
+        text = f"the car does not take our commands: {why}"
         return Advice(AdviceLevel.STOPPED, "not obeyed", text)
     if now.flags == Press.MANUAL:
         return Advice(AdviceLevel.MOVING, "DRIVING", _let_go(now, names, Control.MANUAL))

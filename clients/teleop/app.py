@@ -105,7 +105,7 @@ class Client:
         situation = self._pilot.situation
         if situation is None:
             return True
-        advice = advise(situation, self._source.names)
+        advice = advise(situation, self._source.names, by_keys=self._link.is_by_keys)
         rows = lines(self._car, situation, advice, self._news, self._source.names)
         try:
             self._screen.draw(rows, advice)

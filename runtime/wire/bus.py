@@ -73,6 +73,11 @@ class Bus:
         return str((self._endpoints("listen") or self._endpoints("connect") or ["nowhere"])[0])
 
     @property
+    def is_by_keys(self) -> bool:
+        """Whether certificates say who may do what."""
+        return self.endpoint.startswith("tls/")
+
+    @property
     def is_open(self) -> bool:
         """Whether the session is open, so that `put` sends."""
         return self._session is not None

@@ -103,7 +103,7 @@ STORIES = [
     (latched, "E-STOP", "hold Start for 1 s to reset"),
     (lambda car: car.hold(hands(Control.ESTOP)), "E-STOP", "until the car confirms it"),
     (fault, "motor fault", "hold Start"),
-    (ignored, "not obeyed", "operator role"),
+    (ignored, "not obeyed", "`wallride status` says why"),
 ]  # fmt: skip
 
 
@@ -114,6 +114,13 @@ def test_what_to_do_next(story, state, words):
     advice = advise(car.situation)
     assert advice.state == state
     assert words in advice.next_step
+
+
+def test_only_over_tls_a_certificate_may_be_the_reason():
+    for story, words in ((waiting, "may this certificate read it?"), (ignored, "has this certificate the operator")):
+        story(car := Drive())
+        assert words in advise(car.situation, by_keys=True).next_step
+        assert "certificate" not in advise(car.situation).next_step
 
 
 def test_a_lost_link_is_said_within_0_3_s():
