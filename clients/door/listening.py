@@ -13,6 +13,11 @@ from wallride.clients.door.connections import QUIET, end_idle
 from wallride.runtime.ending import end
 
 EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104 - compared with, not listened on
+WHY_NOT = {
+    errno.EADDRINUSE: "it is taken by another program; choose another with --port",
+    errno.EACCES: "you may not use this port; choose another with --port",
+    errno.EADDRNOTAVAIL: "this computer has no such address; choose one of its own with --host, or 0.0.0.0 for all",
+}
 SOMEWHERE = "192.0.2.1"
 """A documentation address (RFC 5737). Nothing is sent to it."""
 
@@ -41,8 +46,8 @@ async def _listen(runner: web.AppRunner, address: str, port: int, *, any_port: b
         except OSError as error:
             problem = error
     else:
-        why = "it is taken by another program" if problem.errno == errno.EADDRINUSE else problem.strerror or problem
-        raise ConnectionProblemError(f"cannot listen on {address}:{port}: {why}; choose another with --port")
+        why = WHY_NOT.get(problem.errno or 0, f"{problem.strerror or problem}; choose another with --host")
+        raise ConnectionProblemError(f"cannot listen on {address}:{port}: {why}")
     name = _address_here() if address in EVERYWHERE else address.strip("[]")
     return f"{f'[{name}]' if ':' in name else name}:{runner.addresses[0][1]}"
 

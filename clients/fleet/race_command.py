@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.fleet.cars import FleetView
-from wallride.clients.fleet.links import fleet_links
+from wallride.clients.fleet.links import fleet_links, telling_what_is_awaited, unopened
 from wallride.clients.fleet.race import Order, RaceControl, Standing
 from wallride.clients.fleet.start_line import StartLine, line_between
 from wallride.clients.fleet.watching import watch
@@ -29,9 +29,10 @@ async def run(options: argparse.Namespace) -> int:
         if not options.json:
             keys = {ord("n"): ("new race", race.begin)}
             await watch(options, links, lambda: table(standings(), view.silent(time.monotonic())), keys)
-        while True:
-            await asyncio.sleep(EVERY_S)
-            options.print_line(json.dumps([one.fields() for one in standings()]))
+        async with telling_what_is_awaited(lambda: unopened(links)):
+            while True:
+                await asyncio.sleep(EVERY_S)
+                options.print_line(json.dumps([one.fields() for one in standings()]))
 
 
 def lines_of(texts: Sequence[str]) -> Mapping[str, StartLine]:

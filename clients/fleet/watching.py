@@ -2,10 +2,11 @@
 
 import argparse
 import asyncio
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-from wallride.clients.fleet.links import FleetLink
+from wallride.clients.fleet.links import FleetLink, telling_what_is_awaited, unopened
 from wallride.clients.fleet.stop import PERIOD_S, FleetStop
 from wallride.clients.refreshing import RefreshedScreen
 from wallride.clients.teleop import terminal
@@ -24,7 +25,16 @@ async def watch(
     keys: Keys | None = None,
 ) -> None:
     """Show the lines until Ctrl-C; Space or Esc stops every car, other keys as given."""
-    stop, others = FleetStop(links, options.name, options.car), keys or {}
+    if not sys.stdout.isatty():
+        async with telling_what_is_awaited(lambda: unopened(links)):
+            await _watch(options, links, lines, keys or {})
+    await _watch(options, links, lines, keys or {})
+
+
+async def _watch(
+    options: argparse.Namespace, links: Sequence[FleetLink], lines: Callable[[], Iterable[str]], others: Keys
+) -> None:
+    stop = FleetStop(links, options.name, options.car)
     console = terminal.Console() if terminal.is_there() else None
     if console is not None:
         console.open()

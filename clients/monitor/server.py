@@ -18,6 +18,7 @@ from wallride.clients.door.door import HEADERS, Door
 from wallride.clients.door.listening import listening
 from wallride.clients.door.token_file import login_token
 from wallride.clients.ending import interrupted
+from wallride.clients.fleet.links import telling_what_is_awaited
 from wallride.clients.monitor import assets
 from wallride.clients.monitor.handover import handed_over
 from wallride.clients.monitor.messages import LONGEST
@@ -113,7 +114,8 @@ async def run(options: argparse.Namespace) -> int:
             options.print_line("with this address anyone can drive the car; it goes over the network unencrypted")
             if code := qr_lines(url):
                 options.print_line(code)
-        with contextlib.ExitStack() as stack:
+        async with contextlib.AsyncExitStack() as stack:
+            await stack.enter_async_context(telling_what_is_awaited(lambda: relay.problem))
             if options.browser:
                 address = stack.enter_context(handed_over(url))
                 await asyncio.to_thread(_open_browser, address, options.print_line)

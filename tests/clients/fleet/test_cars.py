@@ -11,8 +11,10 @@ from typing import Any
 import pytest
 
 from tests.clients.speaking_car import options, speaking_car
+from wallride.cli import build_parser
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.fleet import cars as fleet_cars
+from wallride.clients.fleet import links, race_command
 from wallride.clients.fleet import stop as fleet_stop
 from wallride.clients.fleet.links import FleetLink
 from wallride.fleet import options as fleet_options
@@ -81,6 +83,17 @@ async def test_no_car_is_an_answer_too():
     assert await fleet_cars.run(parsed) == 1
     assert said == [f"no car at {bus.endpoint}"]
     await bus.close()
+
+
+@pytest.mark.parametrize("command", [["race"], ["race", "--json"], ["cars", "--watch"]])
+async def test_a_screen_into_a_pipe_says_on_standard_error_what_it_waits_for(command, monkeypatch, capsys):
+    monkeypatch.setattr(links, "TOLD_AFTER_S", 0.05)
+    parsed = build_parser().parse_args([*command, "--connect", "tcp/127.0.0.1:1"])
+    parsed.print_line = lambda _line: None
+    with pytest.raises(TimeoutError):
+        async with asyncio.timeout(0.5):
+            await (race_command if command[0] == "race" else fleet_cars).run(parsed)
+    assert capsys.readouterr().err.startswith("wallride: waiting for a car: tcp/127.0.0.1:1: ")
 
 
 async def test_cars_of_several_endpoints_and_one_that_is_away():

@@ -4,12 +4,14 @@ import argparse
 import asyncio
 import os
 import signal
+import socket
 
 import pytest
 import segno
 
 from wallride import monitor_options
 from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.fleet import links
 from wallride.clients.monitor import server
 from wallride.clients.monitor.qr import qr_lines
 
@@ -31,6 +33,38 @@ async def test_it_prints_its_address_and_ends_in_good_order(scene):
         while not said:
             await asyncio.sleep(0.01)
     assert said[0].startswith("the monitor is at http://127.0.0.1:")
+    os.kill(os.getpid(), signal.SIGTERM)
+    async with asyncio.timeout(5):
+        assert await running == 0
+
+
+@pytest.mark.parametrize(
+    ("address", "port", "words"),
+    [
+        ("192.0.2.1", "0", "this computer has no such address; choose one of its own with --host, or 0.0.0.0 for all"),
+        ("nowhere.invalid", "0", "choose another with --host"),
+        ("127.0.0.1", "TAKEN", "it is taken by another program; choose another with --port"),
+    ],
+)
+async def test_what_cannot_be_listened_on_names_the_option_that_is_wrong(address, port, words):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1]) if port == "TAKEN" else port
+        with pytest.raises(ConnectionProblemError, match=f"^cannot listen on {address}:{port}: .*{words}$"):
+            await server.run(options("--no-browser", "--host", address, "--port", port))
+
+
+async def test_without_a_car_it_says_what_it_waits_for(monkeypatch, capfd):
+    monkeypatch.setattr(links, "TOLD_AFTER_S", 0.1)
+    asked = options("--no-browser", "--port", "0", "--connect", "tcp/127.0.0.1:1")
+    running = asyncio.create_task(server.run(asked))
+    said = ""
+    async with asyncio.timeout(5):
+        while "No car at" not in said:
+            await asyncio.sleep(0.01)
+            said += capfd.readouterr().err
+    assert "wallride: No car at tcp/127.0.0.1:1. Start one: make sim here" in said
     os.kill(os.getpid(), signal.SIGTERM)
     async with asyncio.timeout(5):
         assert await running == 0
