@@ -33,6 +33,9 @@ from wallride.runtime.parameters.update import UnacceptableError, UpdatePlan, lo
 from wallride.runtime.settings.tree import Settings
 
 MAX_REFUSAL = 600
+KEY = "[key]"
+"""Where pydantic finds fault with a key, not with its value."""
+VALUES = "true, false, a finite number, a text, or a list of texts"
 
 Q = TypeVar("Q", bound=ParameterRequest)
 
@@ -156,9 +159,17 @@ class ParameterServer:
             return kind.model_validate_json(payload)
         except ValidationError as error:
             self.counts.malformed += 1
-            first = error.errors(include_url=False, include_context=False, include_input=False)[0]
-            where = ".".join(str(part) for part in first["loc"][:2])
-            raise UnacceptableError(_short(f"not a question: {f'{where}: ' if where else ''}{first['msg']}")) from None
+            raise UnacceptableError(_short(self._why_unreadable(error))) from None
+
+    def _why_unreadable(self, error: ValidationError) -> str:
+        """Return what is wrong with a request: with a value in it, such as NaN, or with its form."""
+        first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+        place = [str(part) for part in first["loc"]]
+        if len(place) > 2 and place[0] == "values" and place[2] != KEY:
+            known = catalogue(self.settings).get(place[1])
+            return f"{place[1]}: must be {known.range_words() if known is not None else VALUES}"
+        where = f"{'.'.join(place[:2])}: " if place else ""
+        return f"not a question: {where}{first['msg']}"
 
     def _plan(self, settings: Settings, wishes: Mapping[str, object]) -> UpdatePlan:
         try:

@@ -4,6 +4,7 @@ import asyncio
 import functools
 import itertools
 import json
+import math
 import random
 import time
 
@@ -72,6 +73,23 @@ def test_the_list_tells_everything_about_each_setting():
     assert found["car.wheelbase_m"]["takes_effect"] == "restart"
     only = json.loads(room.desk.list_all(b'{"under": "safety.recovery."}'))["parameters"]
     assert {entry["name"].rpartition(".")[0] for entry in only} == {"safety.recovery"}
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        (KP, math.nan, "wall_follow.kp: must be a number from 0 to 20 rad/m"),
+        (KP, -math.inf, "wall_follow.kp: must be a number from 0 to 20 rad/m"),
+        ("wall_follow.side", None, "wall_follow.side: must be 'left' or 'right'"),
+        (
+            "wall_follow.kq",
+            math.nan,
+            "wall_follow.kq: must be true, false, a finite number, a text, or a list of texts",
+        ),
+    ],
+)
+def test_what_is_no_value_is_refused_with_what_the_setting_takes(name, value, words):
+    assert Room().refusal(**{name: value}) == words
 
 
 def test_what_is_set_is_applied_once_and_remembered():
