@@ -60,26 +60,28 @@ STATE_OF: Final[Mapping[Observation, DrivingState]] = MappingProxyType(
 )
 """The state after a decision, for what is true at it; the state before makes no difference."""
 
+PERMIT_AGAIN: Final = "then permit again"
+DRIVES_ON: Final = "the car then drives on by itself"
+"""What comes in place of PERMIT_AGAIN where no permit is required."""
+
 CLEARED_BY: Final[Mapping[DrivingState, str]] = MappingProxyType(
     {
         _S.STARTING: "the first decision, within a second of the start",
-        _S.WAITING: "connect or power the device as its line says; then permit again",
+        _S.WAITING: f"connect or power the device as its line says; {PERMIT_AGAIN}",
         _S.DISARMED: "an operator: hold to drive, or permit autonomy (wallride teleop; Drive on the page)",
         _S.ARMED: "a speed: drive by hand (stick, keys, drive pad of the page) or permit autonomy",
         _S.DRIVING: "",
         _S.LIMITED: "nothing to do: it goes faster again once what the reason names is over",
         _S.STOPPED: "remove what the reason names; the car then drives on by itself while it is permitted",
-        _S.ESTOPPED: "release everything, then hold R or Start for 1 s (page: Drive, then Reset); then permit again",
+        _S.ESTOPPED: "release everything, then hold R or Start for 1 s (page: Drive, then Reset), and release it;"
+        f" {PERMIT_AGAIN}",
         _S.FAULT: "remedy the fault, then reset as after an e-stop (operator.permit = always retries what the"
-        " controller itself reports); an opened kill switch needs no reset; then permit again",
+        f" controller itself reports); an opened kill switch needs no reset; {PERMIT_AGAIN}",
     }
 )
 """What ends each state; "" for the one that is wanted."""
 
-BATTERY_CLEARED_BY: Final = (
-    "a good voltage for 2 s (battery.settle_s): charge or change the battery; then permit again, where a permit is"
-    " required"
-)
+BATTERY_CLEARED_BY: Final = f"a good voltage for 2 s (battery.settle_s): charge or change the battery; {PERMIT_AGAIN}"
 """What ends `stopped` while the battery forbids any motion."""
 
 PLANNER_CLEARED_BY: Final = "a drive from that planner, or its goodbye (start it again, and end it)"
@@ -183,11 +185,12 @@ class DrivingStateMonitor:
 
     def fields(self) -> dict[str, str | float]:
         """Return plain values for the status."""
+        cleared_by = self._cleared_by()
         return {
             "state": str(self.state),
             "reason": self.reason,
             "measure": self.measure,
-            "clears": self._cleared_by(),
+            "clears": cleared_by.replace(PERMIT_AGAIN, DRIVES_ON) if self._permit.always else cleared_by,
             "for_s": self._clock() - self.since_s,
         }
 

@@ -35,7 +35,7 @@ export class Device {
     switch (state) {
       case "disarmed": return `an operator: switch Drive on, then hold ${drive} to drive, or ${autonomy} to permit autonomy`;
       case "armed": return `a speed: ${this.#ways.join(" or ")}, or hold ${autonomy} to permit autonomy`;
-      case "e-stopped": return `switch Drive on, release everything, then hold ${this.#name("reset")} for 1 s; then permit again`;
+      case "e-stopped": return `switch Drive on, release everything, then hold ${this.#name("reset")} for 1 s, and release it; ${words.split("; ").at(-1)}`;
       default: return words;
     }
   }

@@ -11,7 +11,9 @@ from wallride.runtime.arbitration.command_queue import CommandQueue
 from wallride.runtime.arbitration.driving_state import (
     BATTERY_CLEARED_BY,
     CLEARED_BY,
+    DRIVES_ON,
     OWN_LAW_CLEARED_BY,
+    PERMIT_AGAIN,
     PLANNER_CLEARED_BY,
     STATE_OF,
     TOO_SLOW,
@@ -187,6 +189,16 @@ def test_a_law_of_the_user_that_failed_is_to_be_mended():
     assert car.monitor.fields()["clears"] == OWN_LAW_CLEARED_BY
     car.own_law = ""
     assert car.monitor.fields()["clears"] == CLEARED_BY[S.DISARMED]
+
+
+@pytest.mark.parametrize("state", [S.WAITING, S.ESTOPPED, S.FAULT])
+def test_where_no_permit_is_required_none_is_asked_for(state):
+    car = Watched()
+    car.monitor.state = state
+    assert car.monitor.fields()["clears"] == CLEARED_BY[state]
+    car.permit.always = True
+    words = str(car.monitor.fields()["clears"])
+    assert words == CLEARED_BY[state].replace(PERMIT_AGAIN, DRIVES_ON) != CLEARED_BY[state]
 
 
 def test_no_state_is_cleared_by_words_about_words():
