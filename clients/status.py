@@ -4,6 +4,9 @@ import argparse
 import asyncio
 import json
 import math
+import shutil
+import sys
+import textwrap
 import time
 from collections.abc import Container, Iterator, Mapping
 from typing import Any
@@ -12,7 +15,7 @@ from wallride.clients.answers import reading
 from wallride.clients.connection import ConnectionProblemError, connected
 from wallride.clients.played import NOTHING_DRIVES, PlayedNames
 from wallride.clients.refreshing import RefreshedScreen
-from wallride.runtime.host.terminal_text import one_line
+from wallride.runtime.host.terminal_text import LONGEST, one_line
 from wallride.runtime.telemetry.screen_words import because, steering_words
 from wallride.runtime.teleop.status import OperatorState
 from wallride.runtime.wire import topics
@@ -22,6 +25,8 @@ FIRST_WITHIN_S = 3.0
 REFRESH_S = 0.2
 SILENT_S = 1.0
 RULE_WIDTH = 78
+LABEL = 10
+"""Width of the names of the rows."""
 Status = Mapping[str, Any]
 BIND = "wallride param set safety.binds_teleop=true"
 
@@ -34,7 +39,7 @@ async def run(options: argparse.Namespace) -> int:
         status = await ear.first(car, played)
         if not options.watch:
             with reading(car, "status"):
-                lines = [*told_played(car, played), *screen(status)]
+                lines = [*told_played(car, played), *screen(status, columns=columns_here())]
                 options.print_line(json.dumps(status, indent=2) if options.json else "\n".join(lines))
             return 0
         shown = RefreshedScreen(options.print_line)
@@ -44,7 +49,7 @@ async def run(options: argparse.Namespace) -> int:
                 options.print_line(json.dumps(ear.newest))
             else:
                 with reading(car, "status"):
-                    lines = [*told_played(car, played), *screen(ear.newest, silent_s)]
+                    lines = [*told_played(car, played), *screen(ear.newest, silent_s, columns_here())]
                     shown.show("\n".join(lines), lines[0])
             await asyncio.sleep(REFRESH_S)
 
@@ -102,13 +107,24 @@ def headline(status: Status) -> str:
     return f"{does}: {output['winner']}: {because(output['reason'], output.get('measure'))}"
 
 
-def screen(status: Status, silent_s: float = 0.0) -> list[str]:
-    """Return the screen. silent_s: time since the last message."""
-    lines = [f"{status['car']}  {headline(status)}", "-" * RULE_WIDTH]
+def screen(status: Status, silent_s: float = 0.0, columns: int = LONGEST) -> list[str]:
+    """Return the screen. silent_s: time since the last message. columns: of the terminal; a word is never broken."""
+    lines = [f"{status['car']}  {headline(status)}", "-" * min(RULE_WIDTH, columns)]
     if silent_s > SILENT_S:
         lines.insert(1, f"!! nothing heard for {silent_s:.1f} s: what follows is old (car off? radio gone?)")
-    lines += [f"{name:<10}{text}" for name, text in _rows(status) if text]
-    return list(map(one_line, lines))
+    lines += [f"{name:<{LABEL}}{text}" for name, text in _rows(status) if text]
+    return [part for line in lines for part in _fitted(one_line(line), columns)]
+
+
+def _fitted(line: str, columns: int) -> list[str]:
+    return textwrap.wrap(
+        line, max(columns, 2 * LABEL), subsequent_indent=" " * LABEL, break_long_words=False, break_on_hyphens=False
+    )
+
+
+def columns_here() -> int:
+    """Return the columns of the terminal; elsewhere no line is broken."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else LONGEST
 
 
 def condition_lines(condition: Mapping[str, Any]) -> tuple[str, str]:
@@ -158,7 +174,7 @@ def _device_rows(status: Status) -> Iterator[tuple[str, str]]:
         counts = ", ".join(f"{times} {what.replace('_', ' ')}" for what, times in health["counts"].items() if times)
         since = "recovered since the start" if health["link"] == "ready" else "since the start"
         yield device, f"{health['link']}: {health['message']}{f'; {since}: {counts}' if counts else ''}"
-    yield "window", "; ".join(status["window"]) or "clean"
+    yield "notices", "; ".join(status["window"]) or "none"
     yield "pose", pose_words(status.get("pose") or {})
     yield "own parts", own_parts_words(status.get("own_parts") or {})
 

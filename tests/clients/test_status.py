@@ -89,6 +89,25 @@ def test_one_screen_holds_everything_that_may_hold_the_car(observed):
         assert words in text
 
 
+@pytest.mark.parametrize("columns", [40, 60, 80])
+def test_the_screen_fits_the_terminal_and_no_word_is_broken(observed, columns):
+    observed.queue.put(refusal(Source.ESTOP, "e-stop by anna"))
+    said = arrived(observed, output_of(observed, speed_mps=0.0, winner=Source.ESTOP, reason="e-stop by anna"))
+    fitted, whole = screen(said, 2.5, columns), screen(said, 2.5)
+    assert max(map(len, fitted)) <= columns < max(map(len, whole))
+    words = [[word for line in lines for word in line.split() if "-----" not in word] for lines in (fitted, whole)]
+    assert words[0] == words[1]
+    assert all(line[:10].isspace() for line in fitted if line not in whole and line[:1] == " ")
+
+
+def test_what_is_noticed_is_not_called_the_window(observed):
+    said = arrived(observed, output_of(observed))
+    said["window"] = ["my_laws:Follower raised ValueError: lost (my_laws.py:7)"]
+    assert "notices   my_laws:Follower raised ValueError: lost (my_laws.py:7)" in screen(said)
+    said["window"] = []
+    assert "notices   none" in screen(said)
+
+
 @pytest.mark.parametrize(
     ("reason", "shown"),
     [("permit not required", "permit not required"), ("no operator", "permit: no operator"), ("", "not operated")],

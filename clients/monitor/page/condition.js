@@ -25,7 +25,7 @@ export class Condition {
     this.#device("lidar", status.lidar);
     this.#device("motor", status.motor);
     const window = status.window ?? [];
-    this.#line("window", window.length ? "warn" : "good", window.length ? windowWords(window) : "clean");
+    this.#line("window", window.length ? "warn" : "good", window.length ? windowWords(window) : "none");
     setHidden($("line-pose"), !status.pose?.map);
     if (status.pose?.map) this.#line("pose", POSE_MOODS[status.pose.whereabouts] ?? "plain", poseWords(status.pose));
     this.#line("own-parts", "plain", ownPartsWords(status.own_parts?.patches ?? []));
