@@ -95,12 +95,17 @@ def told_played(car: str, played: Container[str]) -> list[str]:
     return [f"{car}: {NOTHING_DRIVES}. What follows is its status of then."] if car in played else []
 
 
+def lost_device(status: Status) -> str:
+    """Return the device that is not ready, and why; "" where both are."""
+    closed = status.get("gates") or {}
+    return next((f"{device} {closed[device]}" for device in ("motor", "lidar") if closed.get(device)), "")
+
+
 def headline(status: Status) -> str:
     """Return the answer in one line: the deciding source, and the reason."""
     output = status.get("output") or {}
-    for device in ("motor", "lidar"):
-        if closed := (status.get("gates") or {}).get(device):
-            return f"stands: {device} {closed}"
+    if lost := lost_device(status):
+        return f"stands: {lost}"
     if not output:
         return "stands: nothing has been decided yet"
     does = f"drives {output['speed_mps']:.2f} m/s" if output["speed_mps"] else "stands"

@@ -2,13 +2,14 @@
 
 import argparse
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
 from wallride.clients.calibration import settings_file
 from wallride.clients.calibration.current_values import check_writable, current_values
 from wallride.clients.calibration.deadman import AlwaysHeld, TerminalDeadman
-from wallride.clients.calibration.link import LetGoError, RemoteLink
+from wallride.clients.calibration.link import GONE, LetGoError, RemoteLink
 from wallride.clients.calibration.steps import (
     OUTLINE,
     OUTLINE_WORDS,
@@ -23,6 +24,7 @@ from wallride.clients.calibration.ways import CalibrationError
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.remote.car import RemoteCar, connect
 from wallride.clients.remote.driver import DriveRefusedError
+from wallride.clients.status import lost_device
 from wallride.clients.teleop import terminal
 from wallride.runtime.calibration import proposals
 from wallride.runtime.calibration.proposals import Proposal
@@ -30,8 +32,10 @@ from wallride.runtime.host.questions import asked, yes_or_no
 from wallride.runtime.host.terminal_text import say
 from wallride.runtime.parameters.file import StoreError
 from wallride.runtime.settings.tree import SettingsError
+from wallride.runtime.wire import topics
 
 TRIES = 5
+STATUS_WITHIN_S = 1.0
 
 
 def run(options: argparse.Namespace) -> int:
@@ -57,6 +61,7 @@ def _calibrate(options: argparse.Namespace) -> int:
     with connect(options.car, at=options.connect, keys=options.keys, session=options.session) as car:
         now = current_values(car, path)
         _check_yes(car, given=options.yes)
+        _check_devices(car)
         so_far = CalibrationProgress(dict(now), ruler=options.wheelbase is not None)
         measured: list[Proposal] = []
         if options.wheelbase is not None:
@@ -91,6 +96,14 @@ def _check_yes(car: RemoteCar, *, given: bool) -> None:
         raise CalibrationError("--yes holds the deadman for you: it is for simulated and emulated cars only")
     if not given and not terminal.is_there():
         raise CalibrationError("the deadman is a key: run it in a terminal (or --yes, with an emulated car)")
+
+
+def _check_devices(car: RemoteCar) -> None:
+    """CalibrationError where lidar or motor is away, before a person holds a key."""
+    with suppress(ConnectionProblemError):  # it sends no status; then a step says what is missing
+        status = car.latest(topics.STATUS, timeout_s=STATUS_WITHIN_S).fields
+        if lost := lost_device(status):
+            raise CalibrationError(GONE.format(lost))
 
 
 def _drive(car: RemoteCar, step: DrivenStep, so_far: CalibrationProgress, *, always: bool) -> list[Proposal]:

@@ -4,24 +4,28 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from statistics import median
 from types import TracebackType
 from typing import Protocol, Self
 
+from wallride.clients.answers import reading
 from wallride.clients.calibration.ways import CalibrationError
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.remote.car import RemoteCar
 from wallride.clients.remote.driver import DriveRefusedError, RemoteDriver
-from wallride.clients.remote.values import DriveSample, MotorSample, ScanSample
+from wallride.clients.remote.values import DriveSample, FieldsSample, MotorSample, ScanSample
+from wallride.clients.status import lost_device
 from wallride.runtime.calibration.trace import TraceBuilder
 from wallride.runtime.wire import topics
 
 MAX_SPEED_MPS, MAX_STEERING_RAD = 1.5, 0.4
-READ = (topics.SCAN, topics.MOTOR, topics.OUTPUT)
+READ = (topics.SCAN, topics.MOTOR, topics.OUTPUT, topics.STATUS)
 DEFAULT_SCAN_TIME_S = 0.025
 MAX_LATE_S = 0.4
 SETTLES_S = 0.5
 MAX_STALLS = 12
+GONE = "{}: see to its cable and power, then drive again"
 TURNS = 99
 """Scan times whose median is the sensor's: a lost or late scan makes a single one too long."""
 
@@ -68,6 +72,8 @@ class RemoteLink:
         self._asked: tuple[float, float] | None = None
         self._stalls = 0
         self._turns_s: deque[float] = deque(maxlen=TURNS)
+        self._lost = ""
+        self._settled_s = -math.inf
 
     def __enter__(self) -> Self:
         self._take_hand()
@@ -76,8 +82,11 @@ class RemoteLink:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._hand is not None:
-            self._hand.__exit__(kind, error, trace)
+        try:
+            if self._hand is not None:
+                self._hand.__exit__(kind, error, trace)
+        except DriveRefusedError as refused:
+            raise CalibrationError(refused.reason) from None
 
     @property
     def now_s(self) -> float:
@@ -94,7 +103,7 @@ class RemoteLink:
             if self._hand is not None:
                 self._hand.send(speed_mps, steering_rad)
         except DriveRefusedError as error:
-            self._begin_anew(str(error))
+            self._begin_anew(error.reason)
 
     def release(self) -> None:
         """Let go."""
@@ -107,7 +116,10 @@ class RemoteLink:
         begin_s = time.monotonic()
         try:
             for _name, sample in self._samples:
-                if self._take(sample):
+                has_come = self._take(sample)
+                if self._lost and time.monotonic() > self._settled_s:  # before that it may be of a while ago
+                    raise CalibrationError(GONE.format(self._lost))
+                if has_come:
                     return
                 if self._asked is None:
                     continue
@@ -127,7 +139,8 @@ class RemoteLink:
             raise CalibrationError(f"{why}, for the {self._stalls}th time: is the computer, or the network, too slow?")
         hand, self._hand, self._asked = self._hand, None, None
         if hand is not None:
-            hand.__exit__(None, None, None)
+            with suppress(DriveRefusedError):  # that is why it begins anew
+                hand.__exit__(None, None, None)
         self._tell(f"  {why}: the car stops. {self._deadman.again}")
         self._deadman.renew()
         self._take_hand()
@@ -140,14 +153,14 @@ class RemoteLink:
                 self._hand = hand.__enter__()
             except DriveRefusedError as error:
                 if last:
-                    raise CalibrationError(str(error)) from None
+                    raise CalibrationError(error.reason) from None
             else:
                 return
 
     def forget(self) -> None:
         """Drop what waits since the last step."""
         self.seen = TraceBuilder(self.seen.kind, self.seen.sweep_s)
-        until_s = time.monotonic() + SETTLES_S
+        self._settled_s = until_s = time.monotonic() + SETTLES_S
         while time.monotonic() < until_s or not self.seen.motor:
             self.wait()
 
@@ -169,4 +182,7 @@ class RemoteLink:
                 self.seen.motor.append(state)
             case DriveSample():
                 self.seen.commands.append((sample.stamp_s, sample.speed_mps, sample.steering_rad))
+            case FieldsSample():
+                with reading(self._car.name, "status"):
+                    self._lost = lost_device(sample.fields)
         return False

@@ -13,7 +13,7 @@ from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.played import why_silent
 from wallride.clients.remote.hand import UNHEEDED, ScriptedHand
 from wallride.clients.remote.loop_thread import LoopThread
-from wallride.clients.remote.source_block import PERIOD_S, READY_WITHIN_S, SourceBlock
+from wallride.clients.remote.source_block import PERIOD_S, READY_WITHIN_S, SourceBlock, SourceRefusedError
 from wallride.clients.teleop.pilot import MINDED_S, Pilot, PilotState
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
@@ -28,7 +28,7 @@ UNCONFIRMED: Final = (
 )
 
 
-class DriveRefusedError(Exception):
+class DriveRefusedError(SourceRefusedError):
     """The car does not, or no longer, obey this script; the text is the reason."""
 
 

@@ -11,7 +11,7 @@ from wallride.clients.played import why_silent
 from wallride.clients.remote.acceptance import Acceptance
 from wallride.clients.remote.hand import ScriptedHand
 from wallride.clients.remote.loop_thread import LoopThread
-from wallride.clients.remote.source_block import READY_WITHIN_S, SourceBlock
+from wallride.clients.remote.source_block import READY_WITHIN_S, SourceBlock, SourceRefusedError
 from wallride.clients.teleop.inputs import Inputs
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
@@ -21,7 +21,7 @@ from wallride.runtime.wire.teleop import Beat, Command, Input, Malformed, Press,
 NO_STATUS: Final = "its status, which lists its planners, does not come: is telemetry.rates_hz.status 0?"
 
 
-class PlanRefusedError(Exception):
+class PlanRefusedError(SourceRefusedError):
     """The car does not, or no longer, hear this planner; the text is the reason."""
 
 

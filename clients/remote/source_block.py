@@ -17,6 +17,14 @@ READY_WITHIN_S: Final = 3.0
 GOODBYES: Final = 3
 
 
+class SourceRefusedError(Exception):
+    """The car does not, or no longer, obey this script. reason: the text without what a script is to do."""
+
+    def __init__(self, reason: str, then: str = "") -> None:
+        super().__init__("; ".join(filter(None, (reason, then))))
+        self.reason = reason
+
+
 class SourceBlock(ABC):
     """A source of commands that a script holds. open_bus: opens a session of its own, which ends with the block.
 
@@ -25,7 +33,7 @@ class SourceBlock(ABC):
 
     def __init__(
         self, thread: LoopThread, open_bus: Callable[[], Awaitable[Bus]], hand: ScriptedHand, call: str,
-        refused: type[Exception],
+        refused: type[SourceRefusedError],
     ) -> None:  # fmt: skip
         self._thread = thread
         self._open_bus = open_bus
@@ -47,14 +55,14 @@ class SourceBlock(ABC):
             return
         self._thread.call(self._end(orderly=error is None and not self._hand.trouble))
         if error is None and not self._told and (why := self._unobeyed()):
-            raise self._refused(f"{why}; begin anew with {self._call}")
+            raise self._refused(why, f"begin anew with {self._call}")
 
     def send(self, speed_mps: float, steering_rad: float) -> None:
         """Ask for this drive for 0.2 s; the error of the block once the car no longer obeys this script."""
         self._check_begun()
         if self._hand.trouble:
             self._told = True
-            raise self._refused(f"{self._hand.trouble}; begin anew with {self._call}")
+            raise self._refused(self._hand.trouble, f"begin anew with {self._call}")
         self._hand.send(speed_mps, steering_rad, time.monotonic())
 
     def release(self) -> None:

@@ -10,7 +10,7 @@ from wallride.clients.calibration.link import LetGoError, RemoteLink
 from wallride.clients.calibration.ways import CalibrationError
 from wallride.clients.remote.car import RemoteCar
 from wallride.clients.remote.driver import DriveRefusedError
-from wallride.clients.remote.values import DriveSample, MotorSample, ScanSample
+from wallride.clients.remote.values import DriveSample, FieldsSample, MotorSample, ScanSample
 
 
 class Hand:
@@ -19,6 +19,7 @@ class Hand:
     def __init__(self, log):
         self.log = log
         self.trouble = ""
+        self.refused = None
 
     def __enter__(self):
         self.log.append("begin")
@@ -28,6 +29,8 @@ class Hand:
         self.log.append("end")
 
     def send(self, speed_mps, steering_rad):
+        if self.refused is not None:
+            raise self.refused
         if self.trouble:
             raise DriveRefusedError(self.trouble)
         self.log.append((speed_mps, steering_rad))
@@ -83,6 +86,30 @@ def test_a_stall_begins_anew_after_a_new_press():
         assert "Hold again" in told[0]
         link.send(0.4, 0.0)
     assert car.log == ["begin", "end", "begin", (0.4, 0.0), "end"]
+
+
+def status_of(**gates):
+    return FieldsSample(3.0, {"gates": {"lidar": "", "motor": "", **gates}})
+
+
+@pytest.mark.parametrize("gates", [{"lidar": "absent: connection refused"}, {"motor": "absent: unplugged"}])
+def test_a_device_that_is_gone_is_named_and_not_taken_for_a_slow_computer(gates):
+    car, told = Car([SCAN, status_of(**gates), SCAN]), []
+    car.name = "car1"
+    ((device, why),) = gates.items()
+    with RemoteLink(car, Deadman(), told.append) as link:
+        link.wait()
+        with pytest.raises(CalibrationError, match=f"^{device} {why}: see to its cable and power"):
+            link.wait()
+    assert (told, car.log) == ([], ["begin", "end"])
+
+
+def test_words_for_scripts_are_not_those_of_a_calibration():
+    car, told = Car(), []
+    with RemoteLink(car, Deadman(), told.append) as link:
+        car.hands[0].refused = DriveRefusedError("the script sent nothing for 0.2 s", "begin anew with car.drive()")
+        link.send(0.4, 0.0)
+    assert told == ["  the script sent nothing for 0.2 s: the car stops. Hold again."]
 
 
 def test_a_computer_that_is_always_too_slow_is_given_up():
