@@ -45,8 +45,10 @@ def run(options: argparse.Namespace) -> int:
 
     if options.wheels_up and (options.json or "motor" not in (options.only or GROUPS)):
         return fail("--wheels-up asks about the motor: leave --json out, and add --only motor where there is --only")
-    if options.wheels_up and not _confirmed():
+    if options.wheels_up and not sys.stdin.isatty():
         return fail("--wheels-up turns the wheels: put the car on a stand, run it in a terminal and confirm")
+    if options.wheels_up and not _confirmed():
+        return fail("nothing was turned: --wheels-up needs the confirmation")
     logging.getLogger().addHandler(logging.NullHandler())  # what the drivers log is in the findings
     settings, first = find_settings(options.config or default_config(), options.assignments, options.only or GROUPS)
     found = [first]
@@ -66,10 +68,14 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _confirmed() -> bool:
-    if not sys.stdin.isatty():
-        return False
     print("The wheels will turn at 0.7 m/s and steer. Put the car on a stand, wheels in the air, hands off.")
-    return asked(f"type '{CONFIRMED}' to begin: ", lambda text: text.lower() == CONFIRMED, default=False)
+    return asked(f"type '{CONFIRMED}' to begin, Enter to leave it: ", _confirming, default=False)
+
+
+def _confirming(text: str) -> bool:
+    if text.lower() != CONFIRMED:
+        raise ValueError(f"type the two words {CONFIRMED}, or Enter alone")
+    return True
 
 
 def _answer(question: str) -> bool | None:

@@ -62,6 +62,10 @@ class Computer:
                 found.append((pid, name))
         return found
 
+    def command(self, pid: int) -> list[str]:
+        """Return the words of a process's command line, none where they may not be seen."""
+        return read(self.path(f"/proc/{pid}/cmdline")).split("\0")
+
     def _open_files(self, pid: int) -> Iterator[str]:
         try:
             for link in self.path(f"/proc/{pid}/fd").iterdir():

@@ -15,7 +15,7 @@ from wallride.doctor.motor import judge_motor, look_at_motor
 from wallride.doctor.motor_config import judge_app_config, read_app_config
 from wallride.doctor.network import check_network
 from wallride.doctor.places import colliding_places
-from wallride.doctor.ports import check_ports
+from wallride.doctor.ports import check_ports, running_car
 from wallride.doctor.program import check_program
 from wallride.doctor.wheels_up import Ask, measure_wheels_up
 from wallride.drivers.api import DriverError
@@ -60,6 +60,10 @@ async def examine(
         if computer.path(ACTIVE).is_symlink():
             groups = [group for group in groups if group not in DEVICES]
             yield warn("devices", "the car's service runs and has them: they are not looked at", STOP_FIRST)
+        elif (pid := running_car(computer, settings)) is not None:
+            groups = [group for group in groups if group not in DEVICES]
+            words = f"the car runs and has them (wallride run, process {pid}): they are not looked at"
+            yield warn("devices", words, f"end it, then look again: Ctrl-C in its terminal, or kill {pid}")
         else:
             ports = check_ports(computer, settings)
     unusable = {finding.subject for finding in ports if finding.level is Level.FAIL}

@@ -1,6 +1,7 @@
 """Serial ports before they are opened: there, named by udev, allowed, and held by no other program."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
@@ -59,6 +60,16 @@ def check_ports(computer: Computer, settings: Settings) -> list[Finding]:
             fail("ports", "lidar and motor have the same port", "name another port in lidar.address or motor.address")
         )
     return [*found, _brltty(computer), _modem_manager(computer)]
+
+
+def running_car(computer: Computer, settings: Settings) -> int | None:
+    """Return the process of the car that runs and has a port of these settings open; None without one."""
+    for _, _, path in serial_paths(settings):
+        for pid, _ in computer.holders(computer.device(str(path)).resolve()):
+            words = [Path(word).name for word in computer.command(pid)]
+            if ("wallride", "run") in pairwise(words):
+                return pid
+    return None
 
 
 def _port(computer: Computer, name: str, text: str, path: Path, *, adapter: bool) -> Finding:

@@ -84,11 +84,23 @@ def test_wheels_up_needs_the_motor_and_a_person(options, capsys, monkeypatch):
     assert "--only motor" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("typed", "begins"), [("wheels up", True), ("Wheels Up ", True), ("y", False), ("", False)])
-def test_only_the_words_are_a_confirmation(typed, begins, monkeypatch):
-    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    monkeypatch.setattr("builtins.input", lambda _prompt: typed)
+@pytest.mark.parametrize(
+    ("typed", "begins"),
+    [(["wheels up"], True), (["Wheels Up "], True), (["yy", "wheels up"], True), (["y", ""], False), ([""], False)],
+)
+def test_only_the_words_are_a_confirmation_and_others_are_asked_again(typed, begins, monkeypatch, capsys):
+    answers = iter(typed)
+    monkeypatch.setattr("builtins.input", lambda _prompt: next(answers))
     assert doctor_options._confirmed() is begins
+    assert list(answers) == []
+    assert capsys.readouterr().out.count("type the two words wheels up") == len(typed) - 1
+
+
+def test_what_was_not_confirmed_is_not_blamed_on_the_terminal(monkeypatch, capsys):
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", lambda _prompt: "")
+    assert main(["doctor", "--wheels-up"]) == 2
+    assert capsys.readouterr().err == "wallride: nothing was turned: --wheels-up needs the confirmation\n"
 
 
 def test_wrong_settings_are_a_finding_and_the_rest_is_looked_at(tmp_path, capsys):

@@ -8,6 +8,7 @@ import pytest
 from tests.wallride.doctor.fakes import NOW, PAD, ROUTES, changed, healthy, link, put, settings, usb
 from wallride.doctor.access import check_access
 from wallride.doctor.condition import check_condition
+from wallride.doctor.examine import examine
 from wallride.doctor.findings import Level, worst
 from wallride.doctor.joystick import check_joystick
 from wallride.doctor.network import check_network
@@ -40,6 +41,24 @@ def holds(*files):
 
 def routes(text):
     return holds(("proc/net/route", text))
+
+
+@pytest.mark.parametrize(
+    "words", [["/usr/bin/python3", "/opt/wallride/bin/wallride", "run"], ["python3", "-m", "wallride", "run"]]
+)
+def test_a_car_that_runs_has_the_devices_and_is_named(tmp_path, words):
+    computer, chosen = healthy(tmp_path), settings("motor.address=serial:///dev/wallride-vesc")
+    put(tmp_path, "proc/4711/comm", "python3\n")
+    put(tmp_path, "proc/4711/cmdline", "\0".join([*words, "car.toml", ""]))
+    link(tmp_path, "proc/4711/fd/9", "/dev/null")
+
+    async def look():
+        return [one async for one in examine(computer, chosen, ("ports", "lidar", "motor"))]
+
+    (found,) = asyncio.run(look())
+    assert (found.subject, found.level) == ("devices", Level.WARN)
+    assert found.words == "the car runs and has them (wallride run, process 4711): they are not looked at"
+    assert found.remedy == "end it, then look again: Ctrl-C in its terminal, or kill 4711"
 
 
 def no_vesc(computer):
