@@ -93,6 +93,7 @@ def run_offline(module: str, options: argparse.Namespace) -> int:
     for name in ("file", "beside"):
         if getattr(options, name, None) is not None:
             setattr(options, name, found(getattr(options, name)))
+            _tell_unfinished(getattr(options, name))
     try:
         return int(command.run(options))
     except (RecordingError, SettingsError) as error:
@@ -105,6 +106,14 @@ def found(path: Path) -> Path:
     from wallride.runtime.settings.recording import recordings_folder
 
     return path if path.exists() else file_named(path, recordings_folder("")) or path
+
+
+def _tell_unfinished(path: Path) -> None:
+    """Say of a recording that a car is still writing it."""
+    from wallride.runtime.recording.recover import file_state
+
+    if path.is_file() and file_state(path) == "recording":
+        say(f"{path} is still being recorded: this is of what it holds so far", file=sys.stderr)
 
 
 def newest() -> Path | None:

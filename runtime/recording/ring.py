@@ -29,6 +29,7 @@ COUNTS = "counts.json"
 """File of the counts of files and starts, so that a number is not reused after its file was deleted."""
 KEPT = "kept"
 """Folder beside a ring whose files the ring never deletes."""
+ENDING = ".mcap"
 DEEPEST = 3
 """Maximum depth of folders below the one of all recordings: simulated/CAR/kept."""
 BLACK_BOX_SHARE = 0.25
@@ -88,13 +89,15 @@ def keep(path: Path) -> Path:
 
 
 def file_named(path: Path, above: Path) -> Path | None:
-    """Return the file at a path, or the one that `wallride logs` lists by that path or bare name; None without one."""
-    if _is_file(path):
-        return path
+    """Return the file at a path, or the one that `wallride logs` lists by that path or bare name; None without one.
+
+    The ending .mcap may be left out.
+    """
+    names = [path, *([path.with_name(f"{path.name}{ENDING}")] if path.name and path.suffix != ENDING else [])]
     if path.is_absolute():
-        return None
-    places = [above, *(folders(above) if path.name == str(path) else ())]
-    return next((place / path for place in places if _is_file(place / path)), None)
+        return next(filter(_is_file, names), None)
+    places = [Path(), above, *(folders(above) if path.name == str(path) else ())]
+    return next((place / name for place in places for name in names if _is_file(place / name)), None)
 
 
 def newest_recording(above: Path) -> Path | None:

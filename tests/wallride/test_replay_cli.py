@@ -1,6 +1,7 @@
 """`wallride replay` and `wallride report` as scripts use them: exit codes, JSON, one line when something is wrong."""
 
 import argparse
+import fcntl
 import json
 import os
 import time
@@ -61,6 +62,17 @@ def test_without_a_file_the_newest_recording_is_taken_and_named(command, drive, 
         os.utime(folder / f"{name}.mcap", (time.time() - age,) * 2)
     assert wallride(*command) == 0
     assert capsys.readouterr().err == f"the newest recording: {folder / names[1]}.mcap\n", "not a black box"
+
+
+def test_a_recording_that_is_still_written_is_said_to_be_one(drive, tmp_path, capsys):
+    unfinished = tmp_path / "now.mcap"
+    unfinished.write_bytes(drive.read_bytes())
+    with unfinished.open("rb") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        assert wallride("replay", unfinished) == 0
+    assert capsys.readouterr().err == f"{unfinished} is still being recorded: this is of what it holds so far\n"
+    assert wallride("replay", unfinished) == 0
+    assert capsys.readouterr().err == ""
 
 
 def test_a_difference_is_1_and_named(drive, capsys):

@@ -36,6 +36,18 @@ def test_an_absolute_path_is_not_looked_for_elsewhere(tmp_path):
     assert file_named(tmp_path / "run.mcap", tmp_path / "other") == tmp_path / "run.mcap"
 
 
+def test_the_ending_of_a_recording_may_be_left_out(tmp_path, monkeypatch):
+    (tmp_path / "sim").mkdir()
+    run = tmp_path / "sim" / "20260101T000000Z-b0001-00001.mcap"
+    run.touch()
+    assert file_named(Path(run.stem), tmp_path) == run
+    assert file_named(run.with_suffix(""), tmp_path) == run
+    assert file_named(Path("sim") / run.stem, tmp_path) == run
+    monkeypatch.chdir(tmp_path / "sim")
+    assert file_named(Path(run.stem), tmp_path / "other") == Path(run.name)
+    assert file_named(Path(), tmp_path) is None
+
+
 @pytest.mark.parametrize(("box_bytes", "first"), [(30, "box"), (3, "run")])
 def test_black_boxes_leave_first_only_while_they_take_more_than_their_share(box_bytes, first):
     names = {"run": Entry("a", 1, 10, is_black_box=False, reason=""), "box": Entry("b", 2, box_bytes, True, "stop")}
