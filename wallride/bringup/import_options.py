@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from wallride.runtime.ros.yaml_file import YamlFile
 
 MAX_SPEED = "car.max_speed_mps"
+MAP_KEYS = frozenset({"image", "resolution", "origin"})
+"""Keys of the maps of ROS's map_server."""
 KINDS = ("generic", "mit-racecar-v2", "f1tenth", "donkeycar", "racecar-neo", "mushr")
 
 
@@ -93,6 +95,8 @@ def _read(file: Path) -> "YamlFile":
         raise ImportFailure(str(error)) from None
     if not any(mappings(content)):
         raise ImportFailure(f"{file}: holds no parameters")
+    if any(tree.keys() >= MAP_KEYS for tree in mappings(content)):
+        raise ImportFailure(f'{file}: is a map, not parameters: name it in the settings, map.file = "{file}"')
     return content
 
 

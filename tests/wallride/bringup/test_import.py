@@ -67,6 +67,13 @@ def imported(tmp_path, capsys, *texts, options=()):
     return code, told.out, told.err
 
 
+def test_a_map_is_refused_by_name(tmp_path, capsys):
+    code, out, err = imported(tmp_path, capsys, "image: lab.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\n")
+    file = tmp_path / "0.yaml"
+    assert (code, out) == (2, "")
+    assert err == f'wallride: {file}: is a map, not parameters: name it in the settings, map.file = "{file}"\n'
+
+
 def test_a_ros_2_file(tmp_path, capsys):
     code, out, err = imported(tmp_path, capsys, ROS_2)
     assert code == 0
