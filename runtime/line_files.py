@@ -10,6 +10,7 @@ import numpy as np
 from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.line_following.race_line import CourseLine
 from wallride.runtime.control.localization.localizer import Localizer
+from wallride.runtime.control.method_settings import WallFollowSettings
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.map_files import CarMap, MapError, fingerprint, read_map
 from wallride.runtime.settings.pose_map import PoseMapSettings
@@ -80,6 +81,19 @@ def _row(path: Path, number: int, text: str) -> tuple[float, ...]:
             f"{path}, line {number}: not s_m; x_m; y_m; yaw_rad; kappa_radpm; vx_mps; ax_mps2; away_m. {AGAIN}"
         )
     return row
+
+
+def why_no_line(follow: WallFollowSettings, map_: PoseMapSettings) -> str:
+    """Return why a car that is to follow a map's line has none, "" where it has one, or follows a wall."""
+    if follow.method != "line" or map_.line:
+        return ""
+    if not map_.file:
+        return 'wall_follow.method = "line" follows the race line of a map, and map.file names none'
+    path = Path(map_.file).expanduser()
+    beside = path.with_name(path.stem + LINE_SUFFIX)
+    if not path.is_file() or beside.is_file():  # a map that is not there is told where it is read
+        return ""
+    return f'wall_follow.method = "line": there is no {beside} beside the map; make it: wallride line {path}'
 
 
 def read_course(settings: PoseMapSettings, car: CarSettings) -> RaceCourse | None:

@@ -185,6 +185,7 @@ def _run(options: argparse.Namespace) -> int:
         session, warnings = _session(settings)
         routers, about_routers = _routers(settings)
         warnings += (*about_lidar, *about_routers, *_saved_limits(options.saved or file), *too_slow_to_turn(settings))
+        warnings += _without_a_line(settings)
     except (SettingsError, KeysError) as error:
         return fail(str(error))
     except DriverError as error:
@@ -254,6 +255,7 @@ def _check(options: argparse.Namespace) -> int:
         _, warnings = _session(settings)
         warnings += _routers(settings)[1]
         warnings += (*_saved_limits(options.config or default_config()), *too_slow_to_turn(settings))
+        warnings += _without_a_line(settings)
         warnings += tuple("; ".join(said) for said in laws_open_to_others())
     except (SettingsError, KeysError) as error:
         return fail(str(error))
@@ -317,6 +319,14 @@ def _routers(settings: "Settings") -> tuple[list[dict[str, Any]], tuple[str, ...
     return uplink_sessions(
         telemetry.connect, telemetry.connect_keys_dir, settings.car.name, datetime.now(UTC), planners, highest
     )
+
+
+def _without_a_line(settings: "Settings") -> tuple[str, ...]:
+    """Return a warning for a car that is to follow a line and has none: only a person can drive it."""
+    from wallride.runtime.line_files import why_no_line
+
+    words = why_no_line(settings.wall_follow, settings.map)
+    return (f"{words}: it drives by hand only",) if words else ()
 
 
 def _saved_limits(file: Path | None) -> tuple[str, ...]:

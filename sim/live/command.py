@@ -14,6 +14,7 @@ from rich.console import Console
 
 from wallride.runtime.host.output_files import write_answer
 from wallride.runtime.host.user_module import UserCodeError
+from wallride.runtime.line_files import why_no_line
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.car.vehicle import Vehicle, VehicleSettings
 from wallride.sim.devices import lidar_kinds
@@ -111,6 +112,8 @@ def _load(options: argparse.Namespace, config: Path, saved: Path) -> Settings:
     if options.lidar is not None:
         options.assignments = [*lidar_kinds.assignments(options.lidar), *options.assignments]
     settings = load_settings(config, options.assignments, saved, laws=True, drivers=True)
+    if words := why_no_line(settings.wall_follow, settings.map):
+        raise SimUsageError(f"{words}; a race on a map: --race MAP.yaml (docs/racing.md)")
     options.lidar = options.lidar or lidar_kinds.word_of(settings.lidar)
     if settings.lidar.driver == "auto":
         raise SimUsageError('lidar.driver = "auto" looks for a real lidar: name an emulated one, as in --lidar rplidar')
@@ -219,10 +222,10 @@ def _fleet(
     options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest,
     consoles: tuple[Console, Console], *, is_scenario: bool,
 ) -> int:  # fmt: skip
+    """Drive several cars. consoles: for progress, and for the answer."""
     if options.pose or options.laps or options.plot or options.recording is not None or is_scenario:
         raise SimUsageError("--cars: goes with a world and --duration; not with a scenario, --pose, --laps or --plot")
     conditions = conditions_of(_wishes(options))
-    """Drive several cars. consoles: for progress, and for the answer."""
     try:
         with stop.loading():
             world = load_world(options.world, side=settings.wall_follow.side, seed=options.seed)

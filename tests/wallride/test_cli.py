@@ -176,3 +176,17 @@ def test_a_map_without_room_for_a_car_is_named_and_no_option(tmp_path, capsys):
     (tmp_path / "tiny.yaml").write_text("image: tiny.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
     assert main(["sim", str(tmp_path / "tiny.yaml"), "--headless"]) == 2
     assert "wallride: the start in tiny: the car would stand in a wall" in capsys.readouterr().err
+
+
+LINE = "wall_follow.method=line"
+NO_MAP = 'wall_follow.method = "line" follows the race line of a map, and map.file names none'
+
+
+def test_a_line_without_a_map_is_said_before_the_start(tmp_path, capsys):
+    assert main(["sim", "--headless", "--set", LINE]) == 2
+    assert capsys.readouterr().err == f"wallride: {NO_MAP}; a race on a map: --race MAP.yaml (docs/racing.md)\n"
+    (tmp_path / "lab.yaml").write_text("image: lab.pgm\n")
+    assert main(["sim", "--headless", "--set", LINE, "--set", f"map.file={tmp_path / 'lab.yaml'}"]) == 2
+    assert f"there is no {tmp_path / 'lab.line.csv'} beside the map; make it: wallride line" in capsys.readouterr().err
+    assert main(["check", "--set", LINE]) == 0
+    assert capsys.readouterr().err == f"wallride: {NO_MAP}: it drives by hand only\n"
