@@ -31,6 +31,8 @@ CONTACT_REWARD = -10.0
 START_SHIFT_M, START_TURN_RAD = 0.2, math.radians(10)
 MAX_ODOMETRY = 1e4
 POSE_NUMBERS = 3
+NUMBERS = "fiu"
+"""Kinds of numpy's types that are real numbers."""
 _SEEDS = 2**31
 
 
@@ -90,6 +92,8 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self._check_open("reset")
         super().reset(seed=seed)
         self._now_s = 0.0
+        if unknown := (options or {}).keys() - {"start"}:
+            raise ValueError(f'options {", ".join(map(repr, sorted(unknown, key=repr)))}: only "start" is known')
         self._twin = TwinWorld(
             self._world, self._time_s, start=self._start((options or {}).get("start")), vehicle=self._vehicle,
             lidar=self._lidar, obstacles=self._obstacles, seed=int(self.np_random.integers(_SEEDS)),
@@ -111,10 +115,10 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
     def step(self, action: npt.NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Send a drive, and return what the next scan shows; ValueError for one that is not two finite numbers."""
-        self._check_open("step")
-        asked = np.asarray(action, dtype=float)
-        if asked.shape != (2,) or not np.isfinite(asked).all():
-            raise ValueError(f"action {action}: it must be two finite numbers, speed [m/s] and steering [rad]")
+        self._check_begun("step")
+        asked = np.asarray(action)
+        if asked.shape != (2,) or asked.dtype.kind not in NUMBERS or not np.isfinite(asked).all():
+            raise ValueError(f"action {action!r}: it must be two finite numbers, speed [m/s] and steering [rad]")
         speed_mps, steering_rad = (float(value) for value in np.clip(asked, self._low, self._high))
         told = self._limiter.limit(speed_mps, steering_rad, self._period_s)
         ends_s = self._now_s + self._period_s
@@ -134,9 +138,7 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         """Return a picture of the car in its world, (height, width, 3); None without a render_mode."""
         if self.render_mode is None:
             return None
-        self._check_open("render")
-        if not hasattr(self, "_twin"):
-            raise gymnasium.error.ResetNeeded("render before reset: call reset first")
+        self._check_begun("render")
         from wallride.gym.picture import picture  # Pillow, for those who look
 
         pose, lidar = self._twin.vehicle.pose, self._lidar
@@ -160,12 +162,18 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         if self._closed:
             raise gymnasium.error.ClosedEnvironmentError(f"{call} after close: make a new environment")
 
+    def _check_begun(self, call: str) -> None:
+        self._check_open(call)
+        if not hasattr(self, "_twin"):
+            raise gymnasium.error.ResetNeeded(f"{call} before reset: call reset first")
+
     def _start(self, asked: Sequence[float] | None) -> Pose:
         """Return the start of an episode; ValueError for one in a wall, or where no wall is."""
         if asked is not None:
-            if np.shape(asked) != (POSE_NUMBERS,):
+            numbers = np.asarray(asked)
+            if numbers.shape != (POSE_NUMBERS,) or numbers.dtype.kind not in NUMBERS:
                 raise ValueError(f"start {asked}: it must be three numbers, x [m], y [m] and yaw [rad]")
-            pose = Pose(*(float(value) for value in asked))
+            pose = Pose(*numbers.astype(float).tolist())
             if not self._world.clearance(pose) <= MAX_START_TO_WALL_M:  # NaN is nowhere
                 raise ValueError(f"the car would start outside {self._world.name}: {pose}")
             if self._world.collides(pose):

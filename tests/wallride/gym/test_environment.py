@@ -103,6 +103,32 @@ def test_an_action_that_is_not_two_finite_numbers_moves_nothing(action):
     assert after["pose"] == before["pose"]
 
 
+@pytest.mark.parametrize("action", ["x", ["1", "0"], [1 + 2j, 0.0], None, [True, False], [None, 0.0]])
+def test_an_action_of_something_else_is_named(action):
+    environment = WallFollowEnv("corridor")
+    environment.reset(seed=1)
+    with pytest.raises(ValueError, match=r"action .*: it must be two finite numbers"):
+        environment.step(action)
+
+
+def test_a_step_needs_a_reset_before_it():
+    with pytest.raises(gymnasium.error.ResetNeeded, match="step before reset: call reset first"):
+        WallFollowEnv("corridor").step(np.zeros(2, np.float32))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"strat": (1.0, 0.2, 0.1)}, "options 'strat': only \"start\" is known"),
+        ({"start": ("1", "0", "0")}, "it must be three numbers"),
+        ({"start": (1j, 0, 0)}, "it must be three numbers"),
+    ],
+)
+def test_misspelt_options_of_a_reset_are_named(options, words):
+    with pytest.raises(ValueError, match=words):
+        WallFollowEnv("corridor").reset(options=options)
+
+
 def test_a_closed_environment_refuses_steps_and_resets():
     environment = WallFollowEnv("corridor")
     environment.reset(seed=1)
