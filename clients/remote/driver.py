@@ -18,7 +18,7 @@ from wallride.clients.teleop.pilot import MINDED_S, Pilot, PilotState
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.network import BYTES
-from wallride.runtime.wire.teleop import CarCondition, Input, Malformed, Press, read_beat
+from wallride.runtime.wire.teleop import CarCondition, Command, Input, Malformed, Press, read_beat
 
 LATCHED_WITHIN_S: Final = 1.0
 """Time for which a block that pressed the e-stop insists on it at its end."""
@@ -78,7 +78,7 @@ class RemoteDriver(SourceBlock):
             raise DriveRefusedError(f"{self._car} cannot be driven now: {why}") from None
 
     def _step(self, bus: Bus, now_s: float) -> None:
-        self._send(bus, self._pilot.step(self._hand.inputs(now_s), now_s).pack())
+        self._send(bus, self._pilot.step(self._hand.inputs(now_s), now_s))
         if (state := self._pilot.situation) is not None:
             if state.mine:
                 self._obeyed.set()
@@ -121,10 +121,11 @@ class RemoteDriver(SourceBlock):
 
     def _say_goodbye(self, bus: Bus, *, orderly: bool) -> None:
         command = self._pilot.goodbye(Input.SCRIPT)
-        self._send(bus, (command if orderly else replace(command, flags=command.flags | Press.UNSURE)).pack())
+        self._send(bus, command if orderly else replace(command, flags=command.flags | Press.UNSURE))
 
-    def _send(self, bus: Bus, payload: bytes) -> None:
-        bus.put(topics.key(self._car, topics.COMMAND), payload, encoding=BYTES, urgent=True)
+    def _send(self, bus: Bus, command: Command) -> None:
+        if self._pilot.is_addressed(command):
+            bus.put(topics.key(self._car, topics.COMMAND), command.pack(), encoding=BYTES, urgent=True)
 
     def _on_beat(self, _key: str, payload: bytes, arrival_s: float) -> None:
         with suppress(Malformed):

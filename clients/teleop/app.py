@@ -32,7 +32,7 @@ from wallride.runtime.ending import end
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.network import BYTES
-from wallride.runtime.wire.teleop import Input, Malformed, read_beat
+from wallride.runtime.wire.teleop import Command, Input, Malformed, read_beat
 
 PERIOD_S = 0.02
 CYCLES_PER_DRAWING = 3
@@ -98,7 +98,7 @@ class Client:
         self._kind = inputs.kind
         if self.probe is not None:
             self._pilot.know_link(self.probe.takes_s(now_s), self.probe.patience_s)
-        self._send(self._pilot.step(inputs, now_s).pack())
+        self._send(self._pilot.step(inputs, now_s))
 
     def draw(self) -> bool:
         """Show the present state; False when the terminal is gone, because driving without a display is not allowed."""
@@ -132,12 +132,13 @@ class Client:
         else:
             self.foreign = beat.car_session
 
-    def _send(self, payload: bytes) -> None:
-        self._link.put(topics.key(self._car, topics.COMMAND), payload, encoding=BYTES, urgent=True)
+    def _send(self, command: Command) -> None:
+        if self._pilot.is_addressed(command):
+            self._link.put(topics.key(self._car, topics.COMMAND), command.pack(), encoding=BYTES, urgent=True)
 
     async def _leave(self) -> None:
         for _ in range(GOODBYES):
-            self._send(self._pilot.goodbye(self._kind).pack())
+            self._send(self._pilot.goodbye(self._kind))
             await asyncio.sleep(PERIOD_S)
 
 

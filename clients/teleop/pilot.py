@@ -19,7 +19,7 @@ from enum import StrEnum
 from wallride.clients.teleop.hold import Hold
 from wallride.clients.teleop.inputs import Control, Inputs
 from wallride.clients.teleop.shaping import InputShape, Shaper
-from wallride.runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, CarCondition, Command, Input, Press
+from wallride.runtime.wire.teleop import UNKNOWN_AGE_MS, Beat, CarCondition, Command, Input, Press, is_stop
 
 LINK_LOST_S = 0.2
 """Timeout of the link, ten beats. The screen is drawn every 0.05 s, so that a lost link is seen within 0.3 s."""
@@ -136,6 +136,10 @@ class Pilot:
         self._last_s: float | None = None
         self._link_s = self._patience_s = math.nan
         self.situation: PilotState | None = None
+
+    def is_addressed(self, command: Command) -> bool:
+        """Tell whether a car can obey a command: it answers a heartbeat, or is a stop. Others only fill its log."""
+        return self._beat is not None or is_stop(command.flags)
 
     def know_link(self, link_s: float, patience_s: float) -> None:
         """Take the measured round trip of the link, and the age at which the car refuses a command; NaN: unknown."""

@@ -10,6 +10,7 @@ import wallride
 from tests.clients.monitor.fake_car import FakeCar as DeskCar
 from tests.clients.teleop.test_app import FakeCar
 from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.remote import driver
 from wallride.clients.remote.driver import DriveRefusedError
 from wallride.runtime.wire.ports import free_endpoint
 from wallride.runtime.wire.teleop import Press
@@ -197,3 +198,16 @@ async def test_a_car_without_a_heartbeat_cannot_be_driven():
                 remote.drive(max_speed_mps=math.nan)
 
         await at(car, script)
+
+
+async def test_a_car_that_was_not_heard_is_sent_nothing_that_it_would_log(monkeypatch):
+    monkeypatch.setattr(driver, "READY_WITHIN_S", 0.3)
+
+    def script(remote):
+        with pytest.raises(DriveRefusedError, match="no heartbeat from the car"), remote.drive():
+            pass
+
+    async with FakeCar() as car:
+        car.beating = False
+        await at(car, script)
+    assert car.commands == []

@@ -354,3 +354,13 @@ def test_the_age_of_an_input_that_never_spoke_is_unknown():
     car = Drive()
     car.event_s = -math.inf
     assert car.cycle(hands()).input_age_ms == UNKNOWN_AGE_MS
+
+
+def test_before_a_heartbeat_a_car_can_obey_a_stop_alone():
+    car = Drive()
+    car.beating = False
+    assert not car.pilot.is_addressed(car.cycle(hands()))
+    assert not car.pilot.is_addressed(car.pilot.goodbye(Input.PAD))
+    assert car.pilot.is_addressed(car.cycle(hands(Control.ESTOP)))
+    car.beating = True
+    assert car.pilot.is_addressed(car.cycle(hands()))
