@@ -25,6 +25,7 @@ DEFAULT_SCAN_TIME_S = 0.025
 MAX_LATE_S = 0.4
 SETTLES_S = 0.5
 MAX_STALLS = 12
+TELL_EVERY_S = 10.0
 GONE = "{}: see to its cable and power, then drive again"
 TURNS = 99
 """Scan times whose median is the sensor's: a lost or late scan makes a single one too long."""
@@ -73,6 +74,7 @@ class RemoteLink:
         self._stalls = 0
         self._turns_s: deque[float] = deque(maxlen=TURNS)
         self._lost = ""
+        self._began_s = self._told_s = math.inf
         self._settled_s = -math.inf
 
     def __enter__(self) -> Self:
@@ -120,6 +122,7 @@ class RemoteLink:
                 if self._lost and time.monotonic() > self._settled_s:  # before that it may be of a while ago
                     raise CalibrationError(GONE.format(self._lost))
                 if has_come:
+                    self._tell_time()
                     return
                 if self._asked is None:
                     continue
@@ -131,6 +134,12 @@ class RemoteLink:
         except ConnectionProblemError as error:
             raise CalibrationError(str(error)) from None
         raise CalibrationError("the connection to the car has ended")
+
+    def _tell_time(self) -> None:
+        """Tell every TELL_EVERY_S that it still drives."""
+        if self._asked is not None and self._now_s - self._told_s >= TELL_EVERY_S:
+            self._told_s = self._now_s
+            self._tell(f"  it drives, for {self._now_s - self._began_s:.0f} s so far")
 
     def _begin_anew(self, why: str) -> None:
         """Let go, and take the car again once the operator holds again."""
@@ -163,6 +172,7 @@ class RemoteLink:
         self._settled_s = until_s = time.monotonic() + SETTLES_S
         while time.monotonic() < until_s or not self.seen.motor:
             self.wait()
+        self._began_s = self._told_s = self._now_s
 
     def _take(self, sample: object) -> bool:
         """Store a sample; whether it was a scan."""

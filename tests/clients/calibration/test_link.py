@@ -104,6 +104,18 @@ def test_a_device_that_is_gone_is_named_and_not_taken_for_a_slow_computer(gates)
     assert (told, car.log) == ([], ["begin", "end"])
 
 
+def test_a_long_drive_is_told_every_ten_seconds(monkeypatch):
+    scans = [replace(SCAN, stamp_s=3.0 + second) for second in range(25)]
+    car, told = Car([MotorSample(3.0, 0.0, 0.0, 0.0, 0.0), *scans]), []
+    monkeypatch.setattr(links, "SETTLES_S", 0.0)
+    with RemoteLink(car, Deadman(), told.append) as link:
+        link.forget()
+        for _ in scans[1:]:
+            link.send(0.4, 0.0)
+            link.wait()
+    assert told == ["  it drives, for 10 s so far", "  it drives, for 20 s so far"]
+
+
 def test_words_for_scripts_are_not_those_of_a_calibration():
     car, told = Car(), []
     with RemoteLink(car, Deadman(), told.append) as link:
