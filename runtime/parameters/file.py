@@ -151,7 +151,8 @@ def replace(
             written.unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise StoreError(f"{path}: not saved, the old file is untouched: {_why(error)}") from None
+        kept = ", the old file is untouched" if path.exists() else ""
+        raise StoreError(f"{path}: not saved{kept}: {_why(error)}") from None
     try:
         _force_to_disk(path.parent)
     except OSError as error:

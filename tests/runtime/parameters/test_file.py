@@ -4,7 +4,6 @@ import errno
 import itertools
 import os
 import random
-import resource
 import signal
 import stat
 import time
@@ -12,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.full_disk import full_disk
 from wallride.runtime.parameters import file as settings_file
 from wallride.runtime.parameters.file import MARK, StoreError, marked, merged, replace, save
 from wallride.runtime.settings.tree import Settings, load_settings, to_toml
@@ -189,14 +189,8 @@ def test_short_writes_are_written_on(file, monkeypatch):
 
 def test_a_full_disk_is_survived_for_real(file):
     """A limit on the size of files makes the kernel write half of it and then refuse, as a full disk does."""
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    try:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (500, limits[1]))
+    with full_disk(500):
         assert_intact(file, "File too large")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        signal.signal(signal.SIGXFSZ, ignored)
 
 
 @pytest.mark.parametrize(
@@ -349,3 +343,14 @@ def test_values_of_a_law_that_the_file_does_not_name_are_refused_with_the_line_t
     )
     assert file.read_bytes() == before
     assert is_alone(file)
+
+
+@pytest.mark.parametrize("before", [b"a = 1\n", None])
+def test_a_full_disk_leaves_what_was_there_and_speaks_of_it_only_where_it_was(before, tmp_path):
+    path = tmp_path / "car.toml"
+    if before is not None:
+        path.write_bytes(before)
+    with full_disk(10), pytest.raises(StoreError) as told:
+        replace(path, b"x" * 100)
+    assert ("the old file is untouched" in str(told.value)) is (before is not None)
+    assert [one.read_bytes() for one in tmp_path.iterdir()] == ([before] if before is not None else [])
