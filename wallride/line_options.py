@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from wallride import replay_options
 from wallride.failure import fail, needs
-from wallride.parser import add_config, add_json, add_set, default_config, writable_files
+from wallride.parser import add_config, add_json, add_set, default_config, number, writable_files
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
@@ -86,14 +86,17 @@ def _add_pose(commands: "Commands") -> None:
 
 
 def _add_limits(line: argparse.ArgumentParser) -> None:
-    line.add_argument("--mu", type=_above_zero, default=0.8, metavar="MU", help="friction of the floor (default: 0.8)")
     line.add_argument(
-        "--keep", dest="keep_m", type=_above_zero, default=0.45, metavar="M",
+        "--mu", type=number(0.01, 5.0), default=0.8, metavar="MU", help="friction of the floor (default: 0.8)"
+    )
+    line.add_argument(
+        "--keep", dest="keep_m", type=number(0.01, 100.0), default=0.45, metavar="M",
         help="distance from walls to the middle of the car (default: 0.45)",
     )  # fmt: skip
     line.add_argument(
-        "--speed", dest="speed_mps", type=_above_zero, default=6.0, metavar="MPS", help="highest speed (default: 6)"
-    )
+        "--speed", dest="speed_mps", type=number(0.1, 50.0), default=6.0, metavar="MPS",
+        help="highest speed (default: 6)",
+    )  # fmt: skip
     line.add_argument(
         "--lateral", dest="lateral_share", type=_share, default=0.6, metavar="SHARE",
         help="share of the grip that bends may use (default: 0.6)",
@@ -122,21 +125,11 @@ def run(options: argparse.Namespace) -> int:
         return fail(str(error))  # of a map that is not there, in words
 
 
-def _above_zero(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not (math.isfinite(number) and number > 0.0):
-        raise argparse.ArgumentTypeError("write a number above 0")
-    return number
-
-
 def _share(text: str) -> float:
-    number = float(text)
-    if not 0.0 < number <= 1.0:
+    share = float(text)
+    if not 0.0 < share <= 1.0:
         raise argparse.ArgumentTypeError("write a share from 0 to 1")
-    return number
+    return share
 
 
 def _circle(text: str) -> tuple[float, float, float]:

@@ -61,7 +61,10 @@ def test_a_mistake_is_one_sentence(arguments, said, capsys):
     assert "Traceback" not in error
 
 
-@pytest.mark.parametrize("option", [["--mu", "0"], ["--brake", "1.5"], ["--avoid", "1,2"], ["--speed", "nan"]])
+@pytest.mark.parametrize(
+    "option",
+    [["--mu", "0"], ["--mu", "1e-300"], ["--keep", "1e9"], ["--brake", "1.5"], ["--avoid", "1,2"], ["--speed", "nan"]],
+)
 def test_impossible_numbers_are_refused(option, capsys):
     with pytest.raises(SystemExit, match="2"):
         cli.main(["line", "loop", *option])
