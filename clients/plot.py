@@ -3,7 +3,9 @@
 import argparse
 import asyncio
 import math
+import re
 import shutil
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -39,6 +41,8 @@ FIELDS: Mapping[str, str] = MappingProxyType(
 REFRESH_S = 0.25
 MAX_POINTS = 4000
 MIN_ROWS = 7
+ESCAPES = re.compile(r"\x1b\[[0-9;]*m")
+"""Codes of colours, which only a terminal takes."""
 
 
 @dataclass(slots=True)
@@ -149,4 +153,5 @@ def _all(curves: Sequence[Curve]) -> Callable[[str, bytes, float], None]:
 
 def _screen(curves: Sequence[Curve], past_s: float) -> str:
     columns, rows = shutil.get_terminal_size((100, 30))
-    return drawing(curves, time.monotonic(), past_s, (columns, rows - 1))
+    drawn = drawing(curves, time.monotonic(), past_s, (columns, rows - 1))
+    return drawn if sys.stdout.isatty() else ESCAPES.sub("", drawn)

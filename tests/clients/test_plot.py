@@ -120,3 +120,4 @@ async def test_it_draws_a_car_on_the_air():
         speaking.cancel()
         await car.close()
     assert "distance_error:data  0.5" in said[0]
+    assert "\x1b" not in said[0], "standard output of a test is no terminal"
