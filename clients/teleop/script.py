@@ -85,12 +85,14 @@ def load(path: Path) -> Script:
     """Load a script; ScriptError names the fault."""
     try:
         text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScriptError(f"{path}: cannot be read ({error})") from None
+    except UnicodeDecodeError:
+        raise ScriptError(f"{path}: is not a script: it is not text in UTF-8") from None
+    except OSError as error:
+        raise ScriptError(f"{path}: cannot be read: {error.strerror or error}") from None
     try:
         rows = _toml_rows(text) if path.suffix == ".toml" else list(csv.DictReader(text.splitlines()))
         return Script([_step(row, number) for number, row in enumerate(rows, start=1)])
-    except ScriptError as error:
+    except (ScriptError, csv.Error) as error:
         raise ScriptError(f"{path}: {error}") from None
 
 

@@ -52,13 +52,15 @@ def test_both_notations_say_the_same(tmp_path, name, text):
         ("a.csv", "time_s,buttons\n0,LB+hoot\n", "'hoot' is no button"),
         ("a.csv", "time_s,colour\n0,red\n", "unknown 'colour'"),
         ("a.csv", "time_s\n1\n1\n", "does not come after"),
+        ("a.csv", "time_s\n\xff\n", "a.csv: is not a script: it is not text in UTF-8"),
+        ("a.csv", "time_s\n" + "1" * 200_000, "a.csv: field larger than field limit"),
         ("a.toml", "step = 3", "a list of"),
         ("a.toml", "[[step", "a.toml"),
     ],
 )
 def test_a_script_that_cannot_be_followed_is_named(tmp_path, name, text, words):
     path = tmp_path / name
-    path.write_text(text)
+    path.write_bytes(text.encode("latin-1"))
     with pytest.raises(ScriptError, match=words.replace("[", "\\[")):
         load(path)
 
