@@ -35,7 +35,8 @@ def run(options: argparse.Namespace, car: str) -> list[str]:
         where = error.filename or options.dir
         raise KeysError(f"{where}: not permitted; use sudo, or another folder: --dir DIR") from None
     except OSError as error:
-        raise KeysError(f"{error.filename or options.dir}: {error.strerror or error}") from None
+        where = error.filename or options.dir
+        raise KeysError(f"{where}: {error.strerror or error}; name another folder: --dir DIR") from None
 
 
 def _init(options: argparse.Namespace, car: str, now: datetime) -> list[str]:

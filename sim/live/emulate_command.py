@@ -60,9 +60,6 @@ def emulate(options: argparse.Namespace, stop: StopRequest) -> int:
     except (SettingsError, ConditionsError, SimUsageError, SessionError, tomlkit.exceptions.TOMLKitError) as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
         return USAGE_ERROR
-    except OSError as error:
-        print(f"wallride: {error.filename or folder}: {error.strerror}", file=sys.stderr)  # noqa: T201
-        return USAGE_ERROR
     return 0
 
 

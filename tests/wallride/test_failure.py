@@ -188,3 +188,13 @@ def test_a_full_disk_leaves_no_file_behind(command, file, tmp_path):
     assert (answer.returncode, answer.stdout) == (2, "")
     assert answer.stderr == f"wallride: {file} cannot be used: File too large; name another place\n"
     assert [one.name for one in tmp_path.iterdir() if one.name != ".cache"] == []
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [("keys init --dir /dev/null/keys", "/dev/null/keys: Not a directory; name another folder: --dir DIR"),
+     ("emulate --folder /dev/null/e", "/dev/null/e cannot be used: Not a directory; name another place")],
+)  # fmt: skip
+def test_a_folder_that_cannot_be_made_is_to_be_another(command, words, capsys):
+    assert cli.main(command.split()) == 2
+    assert capsys.readouterr().err.endswith(f"wallride: {words}\n")
