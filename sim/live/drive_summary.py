@@ -20,6 +20,8 @@ HEARD = "heard"
 FOR_PROGRAMS = frozenset({"began_unix_s", "session", "world", "recording", "seconds_by_reason"})
 """Fields of the summary that have no row in the table."""
 NOT_RECORDING, TRYING = "NOT recording: ", "; trying again"
+UNDER_WAY = frozenset({DRIVES, JOINS, "wall"})
+"""Reasons of a car that nothing keeps."""
 MOST_REASONS, LEAST_REASON_S = 3, 1.0
 Words = Callable[[Any], str]
 ROUND_FROM = 1000.0
@@ -60,7 +62,7 @@ def laps_missing(summary: Mapping[str, Any], wanted: int | None) -> str:
     kept = [
         f"{seconds:.0f} s: {reason}"
         for reason, seconds in told
-        if reason not in {DRIVES, JOINS} and seconds >= LEAST_REASON_S
+        if reason not in UNDER_WAY and seconds >= LEAST_REASON_S
     ]
     stops = summary["hard_stops"]
     why = ["it touched something"] if summary["collided"] else []
@@ -179,7 +181,7 @@ ROWS: Mapping[str, tuple[str, Words]] = {
     "trajectory_largest_m": ("found poses off the truth, at most", _in("m")),
     "settle_s": (
         f"within {100 * SETTLE_BAND_M:g} cm after",
-        lambda value: _in("s")(value) if value is not None else "never",
+        lambda value: _in("s")(value) if value else "never" if value is None else "",  # 0: it began there
     ),
     "max_overshoot_m": ("largest overshoot", _in("m")),
     "min_clearance_m": ("nearest to the outline", _in("m")),

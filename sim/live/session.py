@@ -151,6 +151,7 @@ class SimulatorSession:
         self._vehicle = vehicle
         self._wiring = wiring
         self.record = Record(desired_m)
+        self._over = False
 
     def fit(self, motor: AnyMotorSettings) -> Self:
         """Have a Maestro or a PCA9685 with an ESC and a servo in place of the VESC, where the settings name one."""
@@ -189,6 +190,7 @@ class SimulatorSession:
                 going_on = tasks.create_task(self._timer(scip, self._plant(vesc), on_frame).run(), name="world")
                 summing = tasks.create_task(self._sum_up(listener), name="sums")
                 await self._until_over(runtime, duration_s, stop)
+                self._over = True
                 (folder / FAREWELL).write_text(last_words(self._scene, duration_s, asked=stop.asked), encoding="utf-8")
                 if listener is not None and not stop.killed:
                     await listener.wait_until_heard(HEARD_WITHIN_S)
@@ -352,7 +354,8 @@ class SimulatorSession:
         record = self.record
         record.latency.command_received(at_s)
         braked = record.stop_command is not None and record.stop_command.kind == BRAKE
-        record.hard_stops += demand.kind == BRAKE and not braked and abs(self._vehicle.speed_mps) > MOVES_MPS
+        if demand.kind == BRAKE and not braked and not self._over and abs(self._vehicle.speed_mps) > MOVES_MPS:
+            record.hard_stops += 1
         record.stop_command = demand
 
 

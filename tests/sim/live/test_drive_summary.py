@@ -5,17 +5,24 @@ import io
 import math
 import pickle
 import time
+from collections.abc import Sequence
+from typing import Any, Literal
 
 import pytest
 from rich.console import Console
 
 from tests.sim.live.emulated import car, running
 from wallride import cli
+from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.parameters.history import SettingChange
 from wallride.runtime.settings.tree import Settings, load_settings
+from wallride.sim.car.vehicle import Vehicle, VehicleSettings
+from wallride.sim.devices.vesc import MotorDemand
 from wallride.sim.figures.summary import Sample
 from wallride.sim.live import command, drive_summary
 from wallride.sim.live.record import MAX_TRACK, Record, ThinnedTrack
+from wallride.sim.live.session import SimulatorSession
+from wallride.sim.world.pose import Pose
 
 
 @pytest.mark.parametrize(
@@ -178,6 +185,25 @@ def test_a_race_has_no_figures_of_the_wall():
         assert {"distance_m", "hard_stops"} <= set(told)
 
 
+def test_a_brake_of_a_moving_car_is_a_hard_stop_until_the_drive_is_over():
+    vehicle = Vehicle(VehicleSettings())
+    vehicle.place(Pose(0.0, 0.0, 0.0), speed_mps=2.0)
+    scene: Any = None
+    session = SimulatorSession(scene, vehicle, VescSettings())
+    kinds: Sequence[Literal["speed", "brake"]] = ("speed", "brake", "brake", "speed", "brake", "speed")
+    for kind in kinds:
+        session._on_command(0.0, MotorDemand(kind, 1.0))
+    session._over = True
+    session._on_command(0.0, MotorDemand("brake", 1.0))
+    assert session.record.hard_stops == 2
+
+
+def test_a_car_that_began_where_it_is_to_drive_has_nothing_to_settle():
+    shown = [printed({"world": "loop", "settle_s": settle_s}) for settle_s in (0.0, 1.5, None)]
+    assert ["within 5 cm after" in text for text in shown] == [False, True, True]
+    assert "never" in shown[2]
+
+
 AGAINST = "the race line goes the other way: along the wall"
 
 
@@ -188,7 +214,11 @@ AGAINST = "the race line goes the other way: along the wall"
         ({"laps": 2}, "2 of 5 laps in 300 s; more time: --duration"),
         ({"laps": 0, "hard_stops": 1, "collided": True}, "0 of 5 laps in 300 s; it touched something; 1 hard stop"),
         (
-            {"laps": 1, "hard_stops": 3, "seconds_by_reason": {"race line": 90.0, AGAINST: 140.4, "wall ahead": 0.3}},
+            {
+                "laps": 1,
+                "hard_stops": 3,
+                "seconds_by_reason": {"race line": 90.0, "wall": 60.0, AGAINST: 140.4, "wall ahead": 0.3},
+            },
             f"1 of 5 laps in 300 s; 3 hard stops; 140 s: {AGAINST}",
         ),
     ],
