@@ -1,7 +1,7 @@
 """The laws in virtual time with a lidar that stops telling the truth: named, and stopped before the wall."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -79,6 +79,42 @@ def test_a_lidar_that_stops_telling_the_truth_is_named_and_the_car_stands_within
     assert done.contact is None
     assert way_m < STOPS_WITHIN_M
     assert abs(done.speed_mps[-1, 0]) < 0.05
+
+
+class Blanked:
+    """Laws that see one and the same far range within an angle of straight ahead, from FROM_S on."""
+
+    def __init__(self, laws, within_rad):
+        self.laws, self.within_rad, self.shown = laws, within_rad, None
+
+    def look(self, scan, motor):
+        self.shown = scan
+        if scan.stamp_s >= FROM_S:
+            bearings_rad = scan.angle_min_rad + scan.angle_step_rad * np.arange(scan.ranges_m.size)
+            noise_m = np.random.default_rng(scan.sequence).uniform(0.0, 0.01, scan.ranges_m.size)
+            blank_m = (scan.range_max_m - 0.1 + noise_m).astype(np.float32)
+            self.shown = replace(
+                scan, ranges_m=np.where(np.abs(bearings_rad) < self.within_rad, blank_m, scan.ranges_m)
+            )
+        return self.laws.look(self.shown, motor)
+
+    def follow(self, _scan, motor):
+        return self.laws.follow(self.shown, motor)
+
+    def learn(self):
+        self.laws.learn()
+
+
+@pytest.mark.parametrize("word", ["a1", "x2"])
+@pytest.mark.parametrize("within_rad", [math.pi / 4, math.tau])
+def test_a_blank_of_a_lidar_with_fewer_beams_stops_the_car_too(word, within_rad):
+    settings = load_settings(None, ["wall_follow.speed_mps=1.0"])
+    laws = Blanked(LiveLaws(settings.wall_follow, settings.safety, settings.car), within_rad)
+    done = drive(Case(load_world("dead_end"), duration_s=7.0, seed=3, turning=word), laws, laws)
+    assert done.contact is None
+    assert scene_agreement.VANISHED in done.reasons
+    places = done.pose[done.time_s >= FROM_S, :2]
+    assert float(np.hypot(*np.diff(places, axis=0).T).sum()) < STOPS_WITHIN_M
 
 
 @pytest.mark.parametrize("world", ["dead_end", "loop", "corridor", "doorway", "cluttered"])

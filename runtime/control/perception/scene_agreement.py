@@ -43,8 +43,10 @@ STANDS_CHECKS, VANISHED_CHECKS, REPEATED_SCANS = 2, 2, 2
 REMEMBERED_SCANS = 400
 AHEAD_RAD = math.radians(45)
 NEAR_M = 3.0
-EVERY_BEAM = 4
-ENOUGH_BEAMS = 20
+EVERY_RAD = math.radians(1.0)
+ENOUGH_SHARE = 0.22
+"""Interval of the bearings that are compared, and the minimum share of them ahead that must have been near, whatever the
+step of the lidar."""
 FARTHER_M, FARTHER_SHARE = 0.5, 1.1
 VANISHED_SHARE = 0.6
 BLANK_SPREAD_M, BLANK_BEYOND_M = 0.5, 25.0
@@ -174,7 +176,7 @@ def _has_vanished(base: _Kept, now: _Kept, lidar_m: complex) -> bool:
     """Return whether a blank is seen beyond most of what was near ahead, whichever way the car has turned."""
     for slip_rad in SLIPS_RAD:
         there_m, here_m = _expected(base, now, lidar_m, slip_rad)
-        if there_m.size < ENOUGH_BEAMS:
+        if there_m.size * _every(now.scan) * now.scan.angle_step_rad < ENOUGH_SHARE * 2.0 * AHEAD_RAD:
             return False
         beyond = here_m > FARTHER_SHARE * there_m + FARTHER_M  # NaN is not larger
         if np.mean(beyond) <= VANISHED_SHARE or not _is_blank(here_m[beyond]):
@@ -203,7 +205,7 @@ def _changed_share(covered: Scan, now: Scan) -> float:
 def _expected(base: _Kept, now: _Kept, lidar_m: complex, slip_rad: float = 0.0) -> tuple[Floats, Floats]:
     """Return the ranges (k,) at which near points of an earlier scan are due now, ahead, and those measured there."""
     part = sector(base.scan, -AHEAD_RAD, AHEAD_RAD)
-    part = slice(part.start, part.stop, EVERY_BEAM)
+    part = slice(part.start, part.stop, _every(base.scan))
     range_m = base.scan.ranges_m[part]
     points = points_m(base.scan, part)[:, range_m < NEAR_M]  # NaN is not smaller
     x_m, y_m, yaw_rad = _moved(base.pose, now.pose)
@@ -214,6 +216,11 @@ def _expected(base: _Kept, now: _Kept, lidar_m: complex, slip_rad: float = 0.0) 
     place = np.rint((np.angle(seen) - now.scan.angle_min_rad) / now.scan.angle_step_rad).astype(np.intp)
     ahead = (np.abs(np.angle(seen)) < AHEAD_RAD) & (place >= 0) & (place < now.scan.ranges_m.size)
     return np.abs(seen[ahead]), now.scan.ranges_m[place[ahead]]
+
+
+def _every(scan: Scan) -> int:
+    """Return the interval of the beams that are compared."""
+    return max(1, round(EVERY_RAD / scan.angle_step_rad))
 
 
 def _moved(start: OdometryState, end: OdometryState) -> Shift:
