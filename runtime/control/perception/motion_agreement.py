@@ -32,6 +32,9 @@ WAY_SHARE, WAY_M = 0.08, 0.004
 CLEARER, ALIKE = 25.0, 4.0
 """Minimum difference of the sums of squares, in variances, by which every other answer must fit worse, and the maximum
 one of two answers that cannot be told apart."""
+SURELY_FARTHER = 100.0
+"""The same of a way that is farther than the wheels': a slow lidar's scans are bent by turns of the car, which may look
+like one way too long; a gain that is wrong gives more in one window."""
 ROLLS_MPS = 2.0
 """Maximum speed at which no car slides sideways: its tightest bend takes less than a grip of 0.45."""
 GRIP_MPS2 = 6.0
@@ -157,6 +160,8 @@ class MotionAgreement:
         fits = np.minimum.reduceat(squares, _BEGINS)
         worse = fits - fits.min()
         agrees, stands, opposite, farther, aside = worse
+        if farther == 0.0 and agrees < SURELY_FARTHER:
+            return Agreement.UNKNOWN
         if np.count_nonzero(worse < CLEARER) == 1:
             return tuple(_ANSWERS)[int(fits.argmin())]
         if min(agrees, farther) < CLEARER:

@@ -45,8 +45,8 @@ AHEAD_RAD = math.radians(45)
 NEAR_M = 3.0
 EVERY_RAD = math.radians(1.0)
 ENOUGH_SHARE = 0.22
-"""Interval of the bearings that are compared, and the minimum share of them ahead that must have been near, whatever the
-step of the lidar."""
+"""Interval of the bearings that are compared, and the minimum share of them ahead that must have been near, of any
+lidar."""
 FARTHER_M, FARTHER_SHARE = 0.5, 1.1
 VANISHED_SHARE = 0.6
 BLANK_SPREAD_M, BLANK_BEYOND_M = 0.5, 25.0
