@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from wallride.drivers.api import Clock, Drive, Lidar, Motor, Scan
+from wallride.drivers.api import Clock, Lidar, Motor, Scan
 from wallride.runtime import kernel
 from wallride.runtime.arbitration.command import Output
 from wallride.runtime.arbitration.driving_state import DrivingStateMonitor
@@ -45,7 +45,7 @@ from wallride.runtime.tasks.own_law import OwnLawWatch
 from wallride.runtime.tasks.own_parts import OwnPartsKeeper
 from wallride.runtime.tasks.pose import PoseTeller
 from wallride.runtime.tasks.scan_cycle import ScanCycle
-from wallride.runtime.tasks.standstill import STANDS_BELOW_MPS, Standstill
+from wallride.runtime.tasks.standstill import Standstill
 from wallride.runtime.tasks.telemetry import Telemetry
 from wallride.runtime.telemetry.ros2_sink import Ros2Sink
 from wallride.runtime.telemetry.sinks import Sink, ZenohSink
@@ -63,8 +63,6 @@ from wallride.runtime.wire.teleop import COMMAND_BYTES
 log = logging.getLogger("wallride.app")
 
 FOLLOW_WALL_CLOCK_S = 1.0
-REST_TIMEOUT_S = 1.0
-REST_PERIOD_S = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +225,7 @@ class Car:
                     driving = self._start(tasks)
                     tasks.create_task(_until(stop, driving), name="stop")
             finally:
-                await bring_to_rest(self.motor, self.clock)
+                await self.standstill.reach()
                 await end(keeper)
 
     def _start(self, tasks: asyncio.TaskGroup) -> list[asyncio.Task[Any]]:
@@ -370,17 +368,6 @@ class Car:
             base=base,
             may_loosen=self.settings.operator.loosen_safety_while_driving,
         )
-
-
-async def bring_to_rest(motor: Motor, clock: Clock) -> None:
-    """Brake until the wheels stand or REST_TIMEOUT_S is over; the first brake goes out at once."""
-    give_up_s = clock() + REST_TIMEOUT_S
-    steering_rad = motor.state.steering_rad if motor.state is not None else 0.0
-    while motor.send(Drive(0.0, steering_rad)) and clock() < give_up_s:
-        state = motor.state
-        if state is not None and abs(state.speed_mps) < STANDS_BELOW_MPS:
-            return
-        await asyncio.sleep(REST_PERIOD_S)
 
 
 async def _until(stop: asyncio.Event, tasks: list[asyncio.Task[Any]]) -> None:

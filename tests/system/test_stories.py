@@ -246,7 +246,8 @@ def test_a_task_that_dies_takes_the_car_to_a_stop():
         story.run(5.0, (2.0, sabotage))
     assert caught.group_contains(BugError)
     assert story.motor.wire[-1][1].speed_mps == 0
-    assert story.motor.wire[-1][0] < 2.2
+    assert story.first_brake_after(2.0) < 2.05
+    assert not [drive for when_s, drive in story.motor.wire if when_s > 2.05 and drive.speed_mps]
 
 
 def test_the_distance_error_is_published_and_scored():

@@ -57,3 +57,35 @@ def test_a_car_without_a_motor_report_does_not_stand():
     assert standstill.holds()
     motor.present = False
     assert not standstill.holds()
+
+
+async def end_at_speed(grip_mu, lost_s=None):
+    """Return (true speed, commands after it was asked to end) when a drive has ended from 2.35 m/s."""
+    loop, stop = asyncio.get_running_loop(), asyncio.Event()
+    twin = TwinWorld(load_world("corridor"), loop.time, vehicle=VehicleSettings(grip_mu=grip_mu))
+    motor = WorldMotor(twin, loop.time)
+    settings = load_settings(None, SETTINGS)
+    car = Car(settings, WorldLidar(twin, loop.time), motor, MemoryBus(loop.time, listened_to=False), loop.time)
+    driving = loop.create_task(car.drive(stop))
+    await asyncio.sleep(1.5)
+    assert twin.vehicle.speed_mps > 2.0
+    if lost_s is not None:
+        motor.pull()
+        loop.call_later(lost_s, motor.plug)
+    stop.set()
+    asked_s = loop.time()
+    await driving
+    twin.advance()
+    return twin.vehicle.speed_mps, [drive for when_s, drive in motor.wire if when_s >= asked_s]
+
+
+@pytest.mark.parametrize("grip_mu", [0.8, 0.3])
+def test_a_drive_does_not_end_while_the_car_slides_on_locked_wheels(grip_mu):
+    speed_mps, _ = run_virtual(end_at_speed(grip_mu))
+    assert abs(speed_mps) < STANDS_BELOW_MPS
+
+
+def test_a_motor_that_is_lost_while_the_drive_ends_is_braked_when_it_is_back():
+    _, commands = run_virtual(end_at_speed(0.8, lost_s=0.2))
+    assert len(commands) > 5, "the last one is the driver's own"
+    assert not [drive for drive in commands if drive.speed_mps]
