@@ -28,6 +28,9 @@ GIVE_UP_LEG_S = 0.5
 STOPPING_M = 0.1
 """Tolerance of a leg's length: safety stops a backing car short of its limit by the braking distance."""
 BEGUN_M = 0.03
+ROLLED_M, STALLS_AFTER_S = 0.01, 0.8
+"""Way by which wheels that were told to turn have to turn again and again within a time: what drives by wheels that
+report none does not know how far it came."""
 SLICES_AT_ONCE = 2
 """Number of slices of a search, a few milliseconds, between two scans."""
 WORTH_IT_M = 0.5
@@ -116,6 +119,7 @@ class Recovery:
         self._begun_s = 0.0
         self._begun_m = 0.0
         self._moving_s = 0.0
+        self._rolled_s = self._rolled_m = 0.0
         self._turned_in_vain_m = -math.inf
         self._traffic = Traffic()
 
@@ -252,6 +256,7 @@ class Recovery:
     def _enter_leg(self, now_s: float, motor: MotorState) -> None:
         self._begun_s = self._moving_s = now_s
         self._begun_m = motor.distance_m
+        self._rolled_s, self._rolled_m = now_s + SETTLING_S, motor.distance_m
 
     def _give_up(self, leg: Leg, motor: MotorState) -> None:
         """Drop the way; a leg that could not even be begun is not begun again from here."""
@@ -277,6 +282,12 @@ class Recovery:
         blocked = (verdict.forward_mps if speed_mps > 0 else verdict.reverse_mps) <= 0
         if not blocked:
             self._moving_s = now_s
+        if blocked or abs(motor.distance_m - self._rolled_m) > ROLLED_M:
+            self._rolled_s, self._rolled_m = now_s, motor.distance_m
+        if now_s - self._rolled_s > STALLS_AFTER_S:
+            self._tries = self._settings.tries
+            self._forget()
+            return RecoveryAdvice(Drive(0.0, leg.steering_rad), HELP)
         left_m = abs(leg.travel_m) - abs(motor.distance_m - self._begun_m)
         if now_s - self._moving_s > GIVE_UP_LEG_S and left_m > STOPPING_M:
             self._give_up(leg, motor)

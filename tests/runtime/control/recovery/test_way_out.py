@@ -240,6 +240,20 @@ def test_odometry_that_ceases_to_be_believed_ends_a_manoeuvre():
     assert stage.way_m >= at_m
 
 
+def test_wheels_that_report_no_way_end_a_manoeuvre_and_every_other():
+    stage = Stage(AHEAD)
+    stage.drive_up()
+    while stage.speed_mps >= 0.0:
+        stage.step()
+    stands_m, from_m = stage.way_m, complex(stage.pose.x_m, stage.pose.y_m)
+    for _ in range(400):
+        stage.step()
+        stage.way_m = stands_m
+    assert abs(complex(stage.pose.x_m, stage.pose.y_m) - from_m) < 0.45
+    assert stage.said[-1] == HELP
+    assert stage.speed_mps == 0.0
+
+
 def test_no_more_tries_than_allowed():
     stage = Stage(AHEAD, tries=1).drive_up()
     before = stage.pose, stage.way_m
