@@ -36,6 +36,11 @@ def test_values_are_read_as_in_the_file(text, name, value):
     assert parameters.parsed([text]) == {name: value}
 
 
+def test_bytes_that_are_no_text_are_named_and_not_sent():
+    with pytest.raises(ConnectionProblemError, match="is not text in UTF-8"):
+        parameters.parsed(["wall_follow.side=\udcff"])
+
+
 @pytest.mark.parametrize("text", ["a.b", "=1", " = 1", ""])
 def test_what_is_no_assignment_is_one_clear_message(text):
     with pytest.raises(ConnectionProblemError, match="write NAME=VALUE"):
