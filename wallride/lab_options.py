@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from wallride.experiments import report_options, tune_options
-from wallride.parser import add_jobs, add_json, add_set, at_least, writable_path
+from wallride.parser import add_jobs, add_json, add_set, at_least, number, writable_path
 from wallride.sim_options import add_car
 from wallride.sweeps import options as sweep_options
 
@@ -81,7 +81,7 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         help="write a file for --conditions of `wallride sim` and `lab`",
     )
     parser.add_argument(
-        "--wheelbase", type=float, default=0.33, metavar="M", help="wheelbase as configured (default: 0.33)"
+        "--wheelbase", type=number(0.05, 2.0), default=0.33, metavar="M", help="wheelbase as configured (default: 0.33)"
     )
     parser.add_argument("--topic", metavar="NAME", help="which lidar, when a file holds several")
 

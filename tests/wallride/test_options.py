@@ -70,7 +70,7 @@ def test_defaults_and_values(line, expected):
         ("keys add ann --role king", "invalid choice: 'king'"),
         ("logs get --last 0", "at least 1"),
         ("logs trim --keep-mb -1", "at least 0"),
-        ("line loop --keep abc", "write a number above 0"),
+        ("line loop --keep abc", "invalid number value: 'abc'"),
         ("replay run.mcap --speed 99", "write a number from 0.05 to 50"),
         ("replay run.mcap --speed nan", "write a number from 0.05 to 50"),
         ("topic list --seconds nan", "write a number of seconds from 0.1 to 600"),
@@ -147,3 +147,10 @@ def test_a_wrong_option_names_its_own_command(line, words, capsys):
     with pytest.raises(SystemExit):
         main(line.split())
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("value", ["nan", "-1", "0", "x"])
+def test_a_wheelbase_that_no_car_has_is_refused(value, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        parsed(f"lab fit run.mcap --wheelbase {value}")
+    assert "argument --wheelbase: " in capsys.readouterr().err
