@@ -42,6 +42,10 @@ NO_REASONS = frozenset(
         "its path is shorter than a stop", "no wheels steer so", "faster than the floor's grip",
         "the wheels were locked", "it is of another scan", "the command leads elsewhere", "the command is faster",
         "no room to brake from its path",
+        # what tells the heading of odom, in the status
+        "gyro", "steering: .+", "no inertial sensor", "the gyro's bias is not known: let the car stand for a second",
+        "the inertial sensor is not level: enter its mounting in VESC Tool",
+        "the gyro does not agree with the steering: is its mounting entered in VESC Tool?",
         " .+ times in a row",  # a part of a reason
         "the wheels turn and the scan stands (wheels in the air?): it does not back out",
         # counted and logged: the command is not obeyed, and the car does what it did before
