@@ -62,6 +62,12 @@ class Untrue:
     def _nine(self, _, noise_mm):
         return 9_000 + noise_mm
 
+    def _knocked_left(self, reported_mm, _):
+        return np.roll(reported_mm, -360)
+
+    def _knocked_right(self, reported_mm, _):
+        return np.roll(reported_mm, 240)
+
 
 def tell(kind, world, *assignments, from_s=FROM_S, duration_s=8.0, seed=3):
     """Return the run, and the way driven from the moment on."""
@@ -70,6 +76,15 @@ def tell(kind, world, *assignments, from_s=FROM_S, duration_s=8.0, seed=3):
     done = drive(Case(load_world(world), duration_s=duration_s, seed=seed, cover=Untrue(kind, from_s)), laws, laws)
     places = done.pose[done.time_s >= from_s, :2]
     return done, float(np.hypot(*np.diff(places, axis=0).T).sum())
+
+
+@pytest.mark.parametrize("kind", ["knocked_left", "knocked_right"])
+@pytest.mark.parametrize("world", ["loop", "dead_end"])
+def test_a_lidar_that_is_turned_in_the_drive_stops_the_car(kind, world):
+    done, way_m = tell(kind, world)
+    assert done.contact is None
+    assert way_m < 1.4  # less than to the wall that it would meet then
+    assert done.reasons[-1] in {BACKWARDS, WRONG_SCALE, TURNED, HELD_OR_TURNED}
 
 
 @pytest.mark.parametrize("method", ["swept", "report"])

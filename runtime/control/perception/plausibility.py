@@ -3,9 +3,10 @@
 Four checks of each pair of scan and motor report, independent of laws and devices:
 
 * Does the lidar measure? A scan repeated bit for bit while the wheels turned 0.3 m is a stored one, not a measurement.
-* Does the car move as its wheels say? Over the first 0.3 m, and again after every lost link, the scene's motion is
-  compared with the odometry's (`motion_agreement`). Opposite directions: two phases of the motor are swapped, and the
-  controller cannot know. Sideways: the lidar is turned on the car. Another scale: the gain is wrong.
+* Does the car move as its wheels say? Over the first 0.3 m, and again after every lost link and every sudden change of
+  the view, the scene's motion is compared with the odometry's (`motion_agreement`). Opposite directions: two phases of
+  the motor are swapped, and the controller cannot know. Sideways: the lidar is turned on the car. Another scale: the
+  gain is wrong.
 * Does the scene go on moving as the wheels say? Along the whole drive, see `scene_agreement`.
 * Does it move at all? Wheels in the air turn without moving the car. That is no fault, but such odometry cannot be used
   to back out.
@@ -19,6 +20,7 @@ from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.perception.motion_agreement import Agreement, MotionAgreement
 from wallride.runtime.control.perception.perception import Percept
 from wallride.runtime.control.perception.scene_agreement import SceneAgreement
+from wallride.runtime.control.perception.sudden_change import SuddenChange
 from wallride.runtime.control.vehicle import CarSettings
 
 FROZEN_AFTER_M = 0.3
@@ -54,7 +56,7 @@ class Plausibility:
         self._confirmed = False
         self._motion = MotionAgreement(car.lidar_m)
         self._lidar_m = car.lidar_m
-        self._scene = SceneAgreement(self._lidar_m)
+        self._scene, self._change = SceneAgreement(self._lidar_m), SuddenChange()
         self._frozen = self._turned = ""
         self._learnt_s = math.inf
         self.motor_doubt = ""
@@ -118,6 +120,8 @@ class Plausibility:
             self._scene.forget()
             return
         self._scene.learn(scan, self._samples, pose, motor.distance_m)
+        if self._change.learn(scan, pose.yaw_rad) and self._confirmed:
+            self._begin_anew()  # the lidar may have been turned; a view that agrees with the wheels again was not
         if self.motor_doubt:
             self._await_standstill(scan, motor)
         elif not (self._confirmed or self._turned):
