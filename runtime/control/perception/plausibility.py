@@ -15,12 +15,16 @@ Pure and deterministic; slow computations run in `learn`, after the answer is se
 """
 
 import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
 
 from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.control.perception.geometry import Floats
 from wallride.runtime.control.perception.motion_agreement import Agreement, MotionAgreement
 from wallride.runtime.control.perception.perception import Percept
 from wallride.runtime.control.perception.scene_agreement import SceneAgreement
-from wallride.runtime.control.perception.sudden_change import SuddenChange
 from wallride.runtime.control.vehicle import CarSettings
 
 FROZEN_AFTER_M = 0.3
@@ -28,6 +32,12 @@ LOST_AFTER_S = 1.0
 """Minimum gap between scans after which the lidar may have been mounted in another way."""
 STANDS_FOR_S = 1.0
 STANDING_MPS = 0.05
+CHANGE_EVERY_RAD = math.radians(2.0)
+CHANGE_WINDOW_S = 0.1
+"""Time over which a change is sudden; at least from one scan to the next."""
+ENOUGH_BEARINGS = 20
+CHANGED_LOG = 0.35
+"""Median change of the ranges, as a logarithm, that no drive of a tenth of a second gives: 40 % nearer or farther."""
 FROZEN = "the lidar repeats one scan: power-cycle it, check its cable"
 BACKWARDS = "runs backwards: swap two phases of the motor (or is the lidar turned by 180 degrees?)"
 TURNED = "the scene moves sideways: the lidar is turned on the car; mount it straight (lidar.yaw_rad), start again"
@@ -161,3 +171,54 @@ class Plausibility:
                 self._turned, self.believed = _TURNED[found], False
             case Agreement.OPPOSITE | Agreement.FARTHER:
                 self.motor_doubt, self.believed = _CONTRADICTIONS[found], False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sight:
+    """Ranges of every bearing, (k,), NaN without a return, and the heading of the car."""
+
+    stamp_s: float
+    kind: tuple[float, float, int]
+    range_m: Floats
+    step_rad: float
+    yaw_rad: float
+
+
+class SuddenChange:
+    """Tells a view that changed at once in all directions, as of a lidar that was knocked, turned or replaced.
+
+    It compares each scan with one shortly before, at the bearings that the car's own turn leaves.
+    """
+
+    def __init__(self) -> None:
+        self._looks: deque[_Sight] = deque()
+
+    def learn(self, scan: Scan, yaw_rad: float) -> bool:
+        """Take in a scan; return whether the view has changed at once."""
+        every = max(1, round(CHANGE_EVERY_RAD / scan.angle_step_rad))
+        range_m = scan.ranges_m[::every].astype(np.float64)
+        range_m[~((range_m > scan.range_min_m) & (range_m < scan.range_max_m))] = np.nan
+        kind = (scan.angle_min_rad, scan.angle_step_rad, scan.ranges_m.size)
+        now = _Sight(scan.stamp_s, kind, range_m, every * scan.angle_step_rad, yaw_rad)
+        looks = self._looks
+        while len(looks) > 1 and looks[1].stamp_s <= now.stamp_s - CHANGE_WINDOW_S:
+            looks.popleft()
+        changed = bool(looks) and _has_changed(looks[0], now)
+        if changed:
+            looks.clear()
+        looks.append(now)
+        return changed
+
+
+def _has_changed(before: _Sight, now: _Sight) -> bool:
+    if before.kind != now.kind:
+        return True
+    turned = round(math.remainder(now.yaw_rad - before.yaw_rad, math.tau) / now.step_rad)
+    count = now.range_m.size - abs(turned)
+    if count < ENOUGH_BEARINGS:
+        return False
+    was_m = before.range_m[max(turned, 0) : max(turned, 0) + count]
+    is_m = now.range_m[max(-turned, 0) : max(-turned, 0) + count]
+    change = np.abs(np.log(is_m / was_m))
+    change = change[np.isfinite(change)]
+    return change.size >= ENOUGH_BEARINGS and bool(np.median(change) > CHANGED_LOG)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wallride.drivers.api import Scan
-from wallride.runtime.control.perception.sudden_change import SuddenChange
+from wallride.runtime.control.perception.plausibility import SuddenChange
 from wallride.sim.virtual.closed_loop import as_scan
 from wallride.sim.world.beams import LidarSettings, scan
 from wallride.sim.world.pose import Pose, Twist
