@@ -13,7 +13,8 @@ import logging
 import re
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from wallride.runtime.wire import topics
@@ -36,6 +37,8 @@ MAX_ANSWERS = 16
 
 
 CLOSES_WITHIN_S = 1.0
+CALLER = "pyo3-closure"
+"""Part of the name of a thread in which zenoh calls a function of Python."""
 LAST_S = 2**32
 """Time since 1970 at which zenoh's time stamps end."""
 IN_USE = "Address already in use"
@@ -59,6 +62,7 @@ class Bus:
         self._session: zenoh.Session | None = None
         self._declare: list[Callable[[], object]] = []
         self._held: list[object] = []  # publishers and tokens end with their Python object
+        self._callers: list[threading.Thread] = []
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._answering: set[asyncio.Future[None]] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -95,20 +99,25 @@ class Bus:
             declare()
 
     async def close(self) -> None:
-        """Close the session; harmless when it never opened. One that takes longer than CLOSES_WITHIN_S is left."""
-        session, self._session = self._session, None
-        declared = [self._publishers, self._held]
-        self._publishers, self._held = {}, []
-        if session is None:
+        """Close the session; harmless when it never opened. One that takes longer than CLOSES_WITHIN_S is left.
+
+        Its objects and threads end before it counts as closed: a thread that is in zenoh's code while the interpreter
+        ends aborts the process.
+        """
+        if self._session is None:
             return
-        end_session: Callable[[], object] = session.close
+        declared: list[Any] = [self._session, self._publishers, self._held]
+        self._session, self._publishers, self._held = None, {}, []
+        callers, self._callers = self._callers, []
         closed, loop = asyncio.Event(), asyncio.get_running_loop()
 
         def close() -> None:
             try:
-                end_session()
-                declared.clear()  # each of them may block as well: never in the loop
+                declared[0].close()
             finally:
+                declared.clear()  # each of them may block as well: never in the loop
+                for caller in callers:
+                    caller.join(CLOSES_WITHIN_S)
                 call_in_loop(loop, closed.set)
 
         try:  # no thread of the loop's own executor: the program would wait for that one in the end
@@ -205,7 +214,8 @@ class Bus:
             lambda: call_in_loop(loop, done.set),
         )
         drop = zenoh.CongestionControl.DROP  # zenoh's default would hold up the loop while a link is full
-        self._open_session.get(key, collect, payload=payload, timeout=timeout_s, congestion_control=drop)
+        with self._noting_callers():
+            self._open_session.get(key, collect, payload=payload, timeout=timeout_s, congestion_control=drop)
         async with asyncio.timeout(timeout_s + 1):
             await done.wait()
         answers = []
@@ -245,7 +255,8 @@ class Bus:
             else:
                 mailbox.post((name, sample.payload.to_bytes(), time.monotonic()))
 
-        self._held.append(self._open_session.declare_subscriber(key, on_sample))
+        with self._noting_callers():
+            self._held.append(self._open_session.declare_subscriber(key, on_sample))
 
     def _watch(self, key: str, changed: Changed) -> None:
         import zenoh
@@ -259,7 +270,8 @@ class Bus:
             else:
                 self.strays += 1
 
-        self._held.append(self._open_session.liveliness().declare_subscriber(key, on_token, history=True))
+        with self._noting_callers():
+            self._held.append(self._open_session.liveliness().declare_subscriber(key, on_token, history=True))
 
     def _answer(self, key: str, reply: Reply) -> None:
         mailbox = Mailbox(self._running_loop, functools.partial(self._reply_to, key, reply))
@@ -267,12 +279,21 @@ class Bus:
         def on_query(query: "zenoh.Query") -> None:  # zenoh's thread
             mailbox.post((query,))
 
-        self._held.append(self._open_session.declare_queryable(key, on_query))
+        with self._noting_callers():
+            self._held.append(self._open_session.declare_queryable(key, on_query))
 
     def _reply_to(self, key: str, reply: Reply, query: "zenoh.Query") -> None:
         answering = asyncio.ensure_future(_reply(key, reply, query))
         self._answering.add(answering)
         answering.add_done_callback(self._answering.discard)
+
+    @contextmanager
+    def _noting_callers(self) -> Iterator[None]:
+        """Keep the threads that zenoh starts in this block, in which it calls our functions."""
+        before = set(threading.enumerate())
+        yield
+        started = [one for one in threading.enumerate() if one not in before and CALLER in one.name]
+        self._callers = [*(one for one in self._callers if one.is_alive()), *started]
 
     def _whenever_open(self, declare: Callable[[], object]) -> None:
         self._declare.append(declare)

@@ -139,6 +139,26 @@ async def test_what_is_declared_before_it_opens_holds_afterwards_and_what_is_put
     assert car.dropped == 2
 
 
+async def test_it_is_closed_once_no_thread_is_left_that_calls_it():
+    car, client = both()
+    before = set(threading.enumerate())
+    await car.open()
+    await client.open()
+    for bus in (car, client):
+        bus.subscribe(KEY, lambda *_: None)
+        bus.watch("wallride/*/alive", lambda *_: None)
+        bus.answer(f"wallride/{id(bus)}/param/get", lambda _: b"{}")
+    await client.ask(f"wallride/{id(car)}/param/get", timeout_s=0.2)
+    callers = [one for one in threading.enumerate() if one not in before and "closure" in one.name]
+    assert len(callers) >= 6
+    late = threading.Thread(target=time.sleep, args=(0.1,), name="late")
+    late.start()
+    client._callers.append(late)
+    await client.close()
+    await car.close()
+    assert not [one for one in (*callers, late) if one.is_alive()]
+
+
 async def test_a_burst_beyond_the_backlog_keeps_the_newest(pair):
     car, client = pair
     heard = []
