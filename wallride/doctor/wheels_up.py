@@ -1,6 +1,7 @@
 """Direction, brake and timeout by measurement, with the wheels in the air: the only check that moves anything."""
 
 import asyncio
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -11,6 +12,7 @@ from wallride.drivers.api import Drive, MotorState
 from wallride.drivers.vesc.driver import Vesc
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.ending import end
+from wallride.runtime.wire.mailbox import call_in_loop
 
 Ask = Callable[[str], bool | None]
 """Asks a question; None without an answer."""
@@ -144,8 +146,22 @@ async def _steering(motor: Vesc, ask: Ask) -> Finding:
 
 
 async def _asked(ask: Ask, question: str) -> bool | None:
-    """Ask in a thread: while a person thinks, the driver has to go on reading, or it loses the link."""
-    return await asyncio.to_thread(ask, question)
+    """Ask in a thread: while a person thinks, the driver has to go on reading, or it loses the link.
+
+    Not in one of the loop's own: Ctrl-C would wait for the answer.
+    """
+    loop, answered = asyncio.get_running_loop(), asyncio.Event()
+    answers: list[bool | None] = []
+
+    def in_thread() -> None:
+        try:
+            answers.append(ask(question))
+        finally:
+            call_in_loop(loop, answered.set)
+
+    threading.Thread(target=in_thread, name="question", daemon=True).start()
+    await answered.wait()
+    return answers[0] if answers else None
 
 
 async def _hold(motor: Vesc, drive: Drive, duration_s: float) -> float:

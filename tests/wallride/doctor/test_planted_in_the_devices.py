@@ -1,6 +1,7 @@
 """Problems planted in emulated devices, which the doctor opens: each is found, and the remedy is named."""
 
 import asyncio
+import threading
 import time
 from collections import deque
 from functools import partial
@@ -13,7 +14,7 @@ from tests.wallride.doctor.fakes import changed, healthy, link, settings
 from wallride.doctor.examine import examine
 from wallride.doctor.findings import Level
 from wallride.doctor.lidar import judge_lidar, look_at_lidar
-from wallride.doctor.wheels_up import measure_wheels_up
+from wallride.doctor.wheels_up import _asked, measure_wheels_up
 from wallride.sim.world.beams import LidarSettings
 
 DEVICES = ("ports", "lidar", "motor", "access", "joystick", "computer")
@@ -261,3 +262,20 @@ async def test_the_devices_of_a_running_car_are_left_alone(tmp_path):
     assert {name: "systemctl stop wallride" in each.remedy for name, each in bad(found).items()} == {"devices": True}
     assert one.vesc.wire == deque(), "nothing was sent to the motor controller"
     assert one.lidars[0].counts["client"] == 0
+
+
+def test_ctrl_c_at_a_question_does_not_wait_for_the_answer():
+    answered = threading.Event()
+    give_up = threading.Timer(10.0, answered.set)
+    give_up.start()
+
+    async def interrupted():
+        asking = asyncio.create_task(_asked(lambda _question: answered.wait(), "did the wheels turn forward?"))
+        await asyncio.sleep(0.01)
+        asking.cancel()
+        await asyncio.wait([asking])
+
+    asyncio.run(interrupted())
+    assert not answered.is_set()
+    answered.set()
+    give_up.cancel()
