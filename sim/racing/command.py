@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -14,6 +15,7 @@ from wallride.runtime.map_files import fingerprint
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.racing.free_space import FreeSpace
 from wallride.sim.racing.line_file import save_picture, text_of
+from wallride.sim.racing.race import refusal_of
 from wallride.sim.racing.raceline import NoLineError, RaceLine, race_line
 from wallride.sim.racing.ring import driven_path, read_path, ring_of, ring_of_path
 from wallride.sim.racing.speed_profile import Grip
@@ -52,6 +54,8 @@ def run(options: argparse.Namespace) -> int:
         picture: lambda file: save_picture(file, world.outline_m, line, title),
     })  # fmt: skip
     write_answer(json.dumps(figures(line)) + "\n", options.json)
+    if map_print and (refused := refusal_of(Path(options.map))):
+        print(f"wallride: {options.map}: {refused}", file=sys.stderr)  # noqa: T201 - beside the answer
     if options.json != "-":
         for text in (*summary(line, options.keep_m, world.name), f"written: {target}, {picture}"):
             print(text)  # noqa: T201 - this is the command's answer

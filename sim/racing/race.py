@@ -49,12 +49,18 @@ def line_of_map(file: Path) -> Path:
     """Return the line's file beside a map. Raises: MapError where there is none, or the map is not to be trusted."""
     if file.suffix != ".yaml" or not file.is_file():
         raise MapError(f"--race {file}: is no map's .yaml; make one of a recorded lap: wallride map")
-    if refused := re.search(r"^# .*, (refused: .*)$", _text(file), re.MULTILINE):
-        raise MapError(f"--race {file}: the map is {refused[1]}. Drive the lap again")
+    if refused := refusal_of(file):
+        raise MapError(f"--race {file}: {refused}")
     beside = file.with_name(file.stem + LINE_SUFFIX)
     if not beside.is_file():
         raise MapError(f"--race {file}: no race line beside it; make one there: wallride line {file} -o {beside}")
     return beside
+
+
+def refusal_of(file: Path) -> str:
+    """Return why a map is not to be trusted, "" for a good one. Raises: MapError."""
+    refused = re.search(r"^# .*, (refused: .*)$", _text(file), re.MULTILINE)
+    return f"the map is {refused[1]}. Drive the lap again" if refused else ""
 
 
 def world_of_map(file: Path) -> tuple[str, str | None]:

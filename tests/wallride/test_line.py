@@ -38,6 +38,23 @@ def test_a_line_is_a_path_for_another_line_the_other_way_round(here, capsys):
     assert np.sign([np.unwrap(yaw)[-1] - yaw[0] for yaw in yaw_rad]).tolist() in ([1, -1], [-1, 1])
 
 
+def test_the_line_of_a_refused_map_says_so(here, capsys):
+    cells = np.full((80, 120), 254, np.uint8)
+    cells[[0, -1]] = cells[:, [0, -1]] = cells[25:55, 25:95] = 0
+    (here / "lab.pgm").write_bytes(b"P5 120 80 255\n" + cells.tobytes())
+    about = "image: lab.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    for head, said in (
+        ("", ""),
+        ("# map by wallride of a.mcap, refused: the ring is open\n", "refused: the ring is open"),
+    ):
+        (here / "lab.yaml").write_text(head + about)
+        assert cli.main(["line", "lab.yaml"]) == 0
+        answer = capsys.readouterr()
+        assert "s a lap in theory" in answer.out
+        assert said in answer.err
+        assert bool(answer.err) == bool(said)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
