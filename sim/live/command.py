@@ -124,7 +124,9 @@ def _show(summary: dict[str, Any], console: Console, *, put_back: bool) -> None:
     """Print the table, and where the drive was recorded."""
     console.print(summary_table(summary))
     if summary.get("collided") and not put_back:
-        console.print("The car touched something: that ends a simulated drive.")
+        console.print(
+            "The car touched something: that ends a simulated drive (with --put-back it drives on from the start)."
+        )
     words, command = recorded_words(summary["recording"])
     console.print(words, soft_wrap=True)
     if command:

@@ -11,7 +11,7 @@ from wallride.runtime.arbitration.command import NO_WINNER
 from wallride.runtime.control.line_following.line_follower import DRIVES, JOINS
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.telemetry.screen_words import because, times
-from wallride.sim.figures.summary import OF_THE_WALL, SETTLE_BAND_M, count_words, device_faults
+from wallride.sim.figures.summary import OF_THE_WALL, SETTLE_BAND_M, SETTLED_FOR_S, count_words, device_faults
 from wallride.sim.live.record import Record
 from wallride.sim.world.place import World
 
@@ -181,7 +181,9 @@ ROWS: Mapping[str, tuple[str, Words]] = {
     "trajectory_largest_m": ("found poses off the truth, at most", _in("m")),
     "settle_s": (
         f"within {100 * SETTLE_BAND_M:g} cm after",
-        lambda value: _in("s")(value) if value else "never" if value is None else "",  # 0: it began there
+        lambda value: (
+            _in("s")(value) if value else f"never for {SETTLED_FOR_S:g} s" if value is None else ""
+        ),  # 0: it began there
     ),
     "max_overshoot_m": ("largest overshoot", _in("m")),
     "min_clearance_m": ("nearest to the outline", _in("m")),

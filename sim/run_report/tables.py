@@ -5,7 +5,7 @@ from html import escape
 from typing import Any
 
 from wallride.runtime.settings.tree import Settings, to_toml
-from wallride.sim.figures.summary import SETTLE_BAND_M
+from wallride.sim.figures.summary import SETTLE_BAND_M, SETTLED_FOR_S
 from wallride.sim.replay.run import RecordedRun
 from wallride.sim.replay.settings_text import flat
 from wallride.sim.run_report.events import NOT_KNOWN, text
@@ -137,7 +137,7 @@ def _cell(name: str, value: object, unit: str, *, known: bool) -> str:
     else:
         shown = _digits(value) if isinstance(value, int | float) else NOT_KNOWN
     if shown == NOT_KNOWN and name == "settle_s":
-        shown, unit = "never", ""
+        shown, unit = f"never for {SETTLED_FOR_S:g} s", ""
     known_unit = unit if shown not in {NOT_KNOWN, "none"} else ""
     return f'<td data-name="{name}">{escape(shown)}{f" {known_unit}" if known_unit else ""}</td>'
 
