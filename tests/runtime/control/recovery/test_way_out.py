@@ -1,117 +1,17 @@
 """The way out: patience, a plan, a few tries, and plain words when there is none. On a rolling car without devices."""
 
-import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.runtime.control.recovery.stage import AHEAD, SCAN_S, WAY, Stage, room
 from tests.runtime.in_earnest import judged
-from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.drivers.api import Drive
 from wallride.runtime.control.recovery.traffic import SETTLED_S
-from wallride.runtime.control.recovery.way_out import DISBELIEF, HELP, NO_ADVICE, TRAFFIC, TURNS, Recovery
-from wallride.runtime.control.safety.swept import SweptGuard
-from wallride.runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
-from wallride.runtime.control.vehicle import CarSettings
-from wallride.sim.world.pose import CAR as OUTLINE
+from wallride.runtime.control.recovery.way_out import DISBELIEF, HELP, NO_ADVICE, TRAFFIC
 from wallride.sim.world.pose import Pose
 from wallride.sim.world.segments import SegmentGeometry, box
-
-CAR = CarSettings()
-STEP_RAD = math.radians(0.25)
-BEARING_RAD = STEP_RAD * (np.arange(1081) - 540)
-SCAN_S = 0.025
-WAY = Drive(1.0, 0.0)
-
-
-def room(*boxes):
-    walls = [*box(0.0, 0.0, 12.0, 12.0, 0.0)]
-    for x_m, y_m, length_m, width_m in boxes:
-        walls += [*box(x_m, y_m, length_m, width_m, 0.0)]
-    return SegmentGeometry(np.array(walls))
-
-
-AHEAD = room((0.75, 0.0, 0.5, 0.3))
-"""A box 8 cm before the bumper, in the middle of a room."""
-
-
-class Stage:
-    """A car that rolls exactly as told, its safety, and its way out; `step` is one scan."""
-
-    def __init__(self, surroundings, **settings):
-        self.surroundings = surroundings
-        self.guard = SweptGuard(SweptSettings(), CAR)
-        self.recovery = Recovery(RecoverySettings(**settings))
-        self.pose = Pose(-1.5, 0.0, 0.0)
-        self.now_s = self.way_m = self.speed_mps = self.wheel_rad = 0.0
-        self.said = []
-        self.assessment: Any = None
-        self.advice: Any = None
-
-    def look(self):
-        self.now_s += SCAN_S
-        at = self.pose.ahead(CAR.lidar_x_m)
-        ranges_m = self.surroundings.cast(at.x_m, at.y_m, BEARING_RAD + self.pose.yaw_rad).astype(np.float32)
-        state = MotorState(
-            self.now_s, self.speed_mps, self.way_m, self.wheel_rad, 12.0, 0.0, 0.0, 20.0, "",
-            timed_out=False, killed=False,
-        )  # fmt: skip
-        scan = Scan(self.now_s, self.now_s, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0)
-        self.assessment = self.guard.look(scan, state)
-        return state
-
-    def step(self, wish=WAY, *, believed=True, toward_rad=math.nan):
-        state = self.look()
-        advice = self.advice = self.recovery.step(
-            self.assessment, wish, state, believed=believed, toward_rad=toward_rad
-        )
-        if advice.words and (not self.said or self.said[-1] != advice.words):
-            self.said.append(advice.words)
-        drive = advice.drive or wish or Drive(0.0, 0.0)
-        verdict = judged(self.assessment, drive.speed_mps, drive.steering_rad)
-        self.speed_mps = max(-verdict.reverse_mps, min(verdict.forward_mps, drive.speed_mps))
-        self.wheel_rad += max(-0.08, min(0.08, drive.steering_rad - self.wheel_rad))
-        step_m = self.speed_mps * SCAN_S
-        turn_rad = step_m * math.tan(self.wheel_rad) / CAR.wheelbase_m
-        moved = self.pose.ahead(step_m)
-        self.pose = Pose(moved.x_m, moved.y_m, self.pose.yaw_rad + turn_rad)
-        self.way_m += step_m
-        return advice
-
-    def go(self, seconds, wish=WAY):
-        return [self.step(wish) for _ in range(round(seconds / SCAN_S))]
-
-    def drive_up(self):
-        """Drive until the car stands, and begin to count there."""
-        self.go(1.0)
-        while abs(self.speed_mps) > 0.0:
-            self.step()
-        self.said.clear()
-        return self
-
-    def manoeuvres(self, until, most_s=40.0):
-        """Go on until this holds; the least clearance on the way."""
-        least_m = math.inf
-        for _ in range(round(most_s / SCAN_S)):
-            self.step()
-            least_m = min(least_m, self.clearance_m)
-            if until(self):
-                return least_m
-        raise AssertionError(f"not within {most_s} s: {self.said[-3:]} at {self.pose}")
-
-    @property
-    def moves(self):
-        """Whether the manoeuvre asks for a speed, beyond turning the wheels."""
-        return self.advice.drive is not None and self.advice.drive.speed_mps != 0.0
-
-    @property
-    def last(self):
-        return self.said[-1] if self.said else ""
-
-    @property
-    def clearance_m(self):
-        return self.surroundings.clearance(self.pose, OUTLINE)
 
 
 def test_patience_first():
@@ -393,40 +293,3 @@ def test_what_comes_up_while_the_car_backs_ends_the_manoeuvre():
     assert TRAFFIC in stage.said
     assert stage.speed_mps >= 0.0
     assert at_m - stage.way_m < 0.4
-
-
-LANE = SegmentGeometry(np.array([*box(0.0, 0.0, 20.0, 2.2, 0.0)]))
-NARROW = SegmentGeometry(np.array([*box(0.0, 0.0, 20.0, 1.0, 0.0)]))
-
-
-def toward(stage, yaw_rad):
-    """Return the bearing of a direction in the world; NaN where the car goes that way already."""
-    off_rad = math.remainder(yaw_rad - stage.pose.yaw_rad, math.tau)
-    return off_rad if abs(off_rad) > 1.0 else math.nan
-
-
-@pytest.mark.parametrize("yaw_rad", [math.pi, -2.5, 1.6])
-def test_a_car_that_goes_the_wrong_way_is_turned_without_a_touch(yaw_rad):
-    stage = Stage(LANE)
-    stage.go(1.0)
-    for _ in range(1200):
-        stage.step(toward_rad=toward(stage, yaw_rad))
-        assert stage.clearance_m > 0.0
-        if stage.advice == NO_ADVICE:
-            break
-    assert abs(math.remainder(yaw_rad - stage.pose.yaw_rad, math.tau)) < 0.8
-    assert stage.said[0] == TURNS
-
-
-def test_where_there_is_no_room_to_turn_it_goes_on_and_looks_again_after_some_metres():
-    stage = Stage(NARROW)
-    stage.go(1.0)
-    for _ in range(800):
-        stage.step(toward_rad=toward(stage, math.pi))
-    assert stage.pose.x_m > 2.0
-    assert stage.said == [TURNS]
-
-
-def test_a_car_that_may_not_back_out_does_not_turn():
-    stage = Stage(LANE, tries=0)
-    assert {stage.step(toward_rad=math.pi) for _ in range(40)} == {NO_ADVICE}
