@@ -312,8 +312,6 @@ def _course(settings: Settings) -> RaceCourse | None:
         raise LaunchError(f"map: {error}") from None
     if course is not None:
         log.info("the pose is found on %s", settings.map.file)
-    if settings.wall_follow.method == "line" and (course is None or course.line is None):
-        log.warning("wall_follow.method is line, and no race line is there (map.line): the car follows the wall")
     return course
 
 

@@ -322,11 +322,11 @@ def _routers(settings: "Settings") -> tuple[list[dict[str, Any]], tuple[str, ...
 
 
 def _without_a_line(settings: "Settings") -> tuple[str, ...]:
-    """Return a warning for a car that is to follow a line and has none: only a person can drive it."""
+    """Return a warning for a car that is to follow a line and has none."""
     from wallride.runtime.line_files import why_no_line
 
     words = why_no_line(settings.wall_follow, settings.map)
-    return (f"{words}: it drives by hand only",) if words else ()
+    return (f"{words}: the car follows the wall",) if words else ()
 
 
 def _saved_limits(file: Path | None) -> tuple[str, ...]:

@@ -189,4 +189,4 @@ def test_a_line_without_a_map_is_said_before_the_start(tmp_path, capsys):
     assert main(["sim", "--headless", "--set", LINE, "--set", f"map.file={tmp_path / 'lab.yaml'}"]) == 2
     assert f"there is no {tmp_path / 'lab.line.csv'} beside the map; make it: wallride line" in capsys.readouterr().err
     assert main(["check", "--set", LINE]) == 0
-    assert capsys.readouterr().err == f"wallride: {NO_MAP}: it drives by hand only\n"
+    assert capsys.readouterr().err == f"wallride: {NO_MAP}: the car follows the wall\n"
