@@ -6,12 +6,12 @@ from typing import Final
 import numpy as np
 
 from wallride.runtime.calibration.scan_motion import motion_of_scans
+from wallride.runtime.control.localization.gyro_odometry import STANDS_MPS
 from wallride.runtime.control.localization.pose_filter import SLIP_S2PM
 from wallride.runtime.control.localization.wheel_steps import LOCKS_MPS2, SLIDES_MPS2
 from wallride.sim.mapping.lap_record import LapRecord
 from wallride.sim.world.pose import Floats
 
-STANDS_BELOW_MPS: Final = 0.02
 MIN_STANDING: Final = 20
 """Rates of a standing car below which the gyro's bias counts as unknown, 0."""
 MAX_RANGE_M: Final = 12.0
@@ -88,7 +88,7 @@ def of_the_axle(poses: Floats, lidar_m: complex) -> Floats:
 def gyro_bias_radps(record: LapRecord) -> float:
     """Return the mean rate of the gyro while the wheels stand; 0 where they hardly do."""
     speed_mps = np.interp(record.gyro[:, 0], record.reports[:, 0], np.abs(record.reports[:, 2]))
-    standing = record.gyro[speed_mps < STANDS_BELOW_MPS, 1]
+    standing = record.gyro[speed_mps < STANDS_MPS, 1]
     return float(np.mean(standing)) if len(standing) >= MIN_STANDING else 0.0
 
 

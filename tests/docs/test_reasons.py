@@ -43,7 +43,8 @@ NO_REASONS = frozenset(
         "the wheels were locked", "it is of another scan", "the command leads elsewhere", "the command is faster",
         "no room to brake from its path",
         # what tells the heading of odom, in the status
-        "gyro", "steering: .+", "no inertial sensor", "the gyro's bias is not known: let the car stand for a second",
+        "gyro", "steering: .+", "no inertial sensor", "the gyro is silent",
+        "the gyro's bias is not known: let the car stand for a second",
         "the inertial sensor is not level: enter its mounting in VESC Tool",
         "the gyro does not agree with the steering: is its mounting entered in VESC Tool?",
         " .+ times in a row",  # a part of a reason

@@ -36,6 +36,7 @@ AGREES: Final = (0.3, 3.0)
 NO_SENSOR: Final = "no inertial sensor"
 UNKNOWN_BIAS: Final = "the gyro's bias is not known: let the car stand for a second"
 NOT_LEVEL: Final = "the inertial sensor is not level: enter its mounting in VESC Tool"
+SILENT: Final = "the gyro is silent"
 DISAGREES: Final = "the gyro does not agree with the steering: is its mounting entered in VESC Tool?"
 
 
@@ -92,24 +93,20 @@ class Gyro:
 class GyroOdometry:
     """Dead reckoning of the rear axle (base_link in odom, REP-105) by wheels and gyro.
 
-    pose: at the newest report. scale: true way over the reported one. slip_s2pm: the rear axle moves aside by that
-    times speed^2 * turn. Both may be set, as a map tells them.
+    pose: at the newest report. heading: what tells its heading. scale: true way over the reported one. slip_s2pm: the
+    rear axle moves aside by that times speed^2 * turn. Both may be set, as a map tells them.
     """
 
     def __init__(self, wheelbase_m: float, steering_rate_radps: float) -> None:
         self.gyro = Gyro()
         self.pose = OdometryState()
+        self.heading = f"steering: {NO_SENSOR}"
         self.scale, self.slip_s2pm = 1.0, SLIP_S2PM
         self._wheelbase_m = wheelbase_m
         self._rate_radps = steering_rate_radps
         self._steps = WheelSteps(steering_rate_radps)
         self._last: MotorState | None = None
         self._compared = (0.0, 0.0)
-
-    @property
-    def heading(self) -> str:
-        """Return what tells the heading."""
-        return f"steering: {self.gyro.trouble}" if self.gyro.trouble else "gyro"
 
     def take(self, stamp_s: float, rate_radps: Vector, acceleration_mps2: Vector) -> None:
         """Add an inertial measurement, in base_link."""
@@ -126,7 +123,9 @@ class GyroOdometry:
         step, turn_rad = self._steps.to(state.stamp_s, state), self.gyro.turned_rad(state.stamp_s)
         if step is not None and not math.isnan(turn_rad):
             self._compare(step, turn_rad)
-        if step is None or self.gyro.trouble or math.isnan(turn_rad):
+        trouble = self.gyro.trouble or (SILENT if math.isnan(turn_rad) else "")
+        self.heading = f"steering: {trouble}" if trouble else "gyro"
+        if step is None or trouble:
             self.pose = self._by_steering(state, state.distance_m - last.distance_m if last is not None else 0.0)
             return self.pose
         way_m, speed_mps = self.scale * step.way_m, self.scale * step.speed_mps

@@ -98,7 +98,10 @@ def test_a_gyro_that_cannot_be_right_is_named_and_left_alone(gyro, acceleration_
 
 def test_what_falls_silent_leaves_the_heading_to_the_steering_and_takes_it_back():
     car = Circle(mems).drive(6.0)
-    car.drive(2.0, samples=False).drive(4.0)
+    car.drive(2.0, samples=False)
+    assert car.odometry.heading == f"steering: {gyro_odometry.SILENT}"
+    car.drive(4.0)
+    assert car.odometry.heading == "gyro"
     assert abs(car.turned_rad) < 0.03
     assert np.isfinite([car.odometry.pose.x_m, car.odometry.pose.y_m]).all()
 
