@@ -25,10 +25,8 @@ async def watch(
     keys: Keys | None = None,
 ) -> None:
     """Show the lines until Ctrl-C; Space or Esc stops every car, other keys as given."""
-    if not sys.stdout.isatty():
-        async with telling_what_is_awaited(lambda: unopened(links)):
-            await _watch(options, links, lines, keys or {})
-    await _watch(options, links, lines, keys or {})
+    async with telling_what_is_awaited(lambda: "" if sys.stdout.isatty() else unopened(links)):
+        await _watch(options, links, lines, keys or {})
 
 
 async def _watch(

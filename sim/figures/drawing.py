@@ -50,7 +50,7 @@ def save_comparison(path: Path, pairs: Sequence[ComparedSteering], title: str) -
 
 
 def _save(path: Path, figure: Figure) -> None:
-    write_file(path, lambda file: figure.savefig(file, format=path.suffix.lstrip("."), dpi=_DPI))
+    write_file(path, lambda file: figure.savefig(file, format=path.suffix.lstrip(".") or None, dpi=_DPI))
 
 
 def _draw_world(axes: Axes, world: World, track: Floats) -> None:
