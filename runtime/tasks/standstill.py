@@ -28,13 +28,13 @@ class Standstill:
 
     def tick(self, _late_s: float, _missed: int) -> None:
         """Follow the wheels once; a `periodic.Tick`."""
-        self.most_mps()
+        self._most_mps()
 
     def holds(self) -> bool:
         """Tell whether no source drives and the car stands, however slippery the floor is; not without a report."""
         output = self.output()
         return (
-            self.most_mps() < STANDS_BELOW_MPS
+            self._most_mps() < STANDS_BELOW_MPS
             and self.motor.state is not None
             and (output is None or output.drive.speed_mps == 0.0)
         )
@@ -48,11 +48,11 @@ class Standstill:
         steering_rad = motor.state.steering_rad if motor.state is not None else 0.0
         while self.clock() < give_up_s:
             motor.send(Drive(0.0, steering_rad))
-            if self.most_mps() < STANDS_BELOW_MPS:
+            if self._most_mps() < STANDS_BELOW_MPS:
                 return
             await asyncio.sleep(REST_PERIOD_S)
 
-    def most_mps(self) -> float:
+    def _most_mps(self) -> float:
         """Return the most speed that the car may have now, also without a report since a while ago."""
         state = self.motor.state
         return abs(self._speed.update(state.speed_mps if state is not None else None, self.clock()))

@@ -8,6 +8,7 @@ from typing import Any, Final, Never
 import numpy as np
 import numpy.typing as npt
 
+from tests.system.timed_drive import drive_for
 from wallride.drivers.api import Health, Scan
 from wallride.drivers.pca9685.driver import Pca9685
 from wallride.drivers.pca9685.settings import Pca9685Settings
@@ -83,12 +84,7 @@ class PwmDrive:
         self.plant = Plant(self.vehicle, self.esc, VescSettings(), loop.time())
         self.motor = Pca9685(self.settings.motor, clock=loop.time, open_bus=self.chip.open)
         self.car = Car(self.settings, self._fitted(loop.time), self.motor, MemoryBus(loop.time), loop.time)
-        self.car.connect()
-        stop = asyncio.Event()
-        for at_s, event in events:
-            loop.call_at(at_s, event, self)
-        loop.call_at(seconds, stop.set)
-        await self.car.drive(stop)
+        await drive_for(seconds, self.car, self, events)
 
     def _fitted(self, clock: Callable[[], float]) -> MemoryLidar | TurningMemoryLidar:
         """Return the lidar of this car."""

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from tests.system.timed_drive import drive_for
 from wallride.clients.decoding import decode
 from wallride.drivers.api import Drive, LinkState
 from wallride.runtime.app import Car
@@ -52,12 +53,7 @@ class Story:
             self.lidar = MemoryLidar(lambda _: self.scans, loop.time)
             self.ear = MemoryBus(loop.time)
             self.car = Car(self.settings, self.lidar, self.motor, self.ear, loop.time)
-            self.car.connect()
-            stop = asyncio.Event()
-            for at_s, event in events:
-                loop.call_at(at_s, event, self)
-            loop.call_at(seconds, stop.set)
-            await self.car.drive(stop)
+            await drive_for(seconds, self.car, self, events)
 
         run_virtual(main())
         return self

@@ -131,8 +131,13 @@ def believed(
     if not record.given or not record.trusts(here):
         return None, record
     given = record.given[-1]
-    kept: _JudgedOnce | None = strip.judged
-    if kept is None or kept.promise is not promise or kept.given is not given or kept[2:5] != (here, command, look_m):
+    kept, asked = strip.judged, (here, command, look_m)
+    if (
+        not isinstance(kept, _JudgedOnce)
+        or kept.promise is not promise
+        or kept.given is not given
+        or kept[2:5] != asked
+    ):
         way = _judged(strip, (places_m, speeds_mps), command, given.margin_m, look_m)
         kept = strip.judged = _JudgedOnce(promise, given, here, command, look_m, way)
     judged = kept.way

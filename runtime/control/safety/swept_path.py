@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -44,7 +43,7 @@ class Strip:
     more_m: Places
     behind: RearMemory
     past_rad: tuple[tuple[float, float], ...]
-    judged: Any = None
+    judged: object = None
     _kept: dict[tuple[float, float, float, bool, float], Contact] = field(default_factory=dict)
     _dark: dict[tuple[float, float], bool] = field(default_factory=dict)
     _near_m: tuple[Places, Places] | None = None

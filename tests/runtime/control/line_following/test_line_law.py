@@ -26,6 +26,18 @@ def steered(car):
     return steering_rad(car, WIDE, WIDE.nearest(car.place_m), TYRES)
 
 
+def driven(car, line, told_rad):
+    """Yield the car every 5 ms: it is steered along a line by commands at 40 Hz, which act after 45 ms."""
+    wire = [told_rad] * 9
+    for step in range(300):
+        if step % 5 == 0:
+            then = car.later(0.045, told_rad, TYRES)
+            told_rad = steering_rad(then, line, line.nearest(then.place_m), TYRES)
+        wire.append(told_rad)
+        car = car.later(0.005, wire.pop(0), TYRES)
+        yield car
+
+
 @pytest.mark.parametrize("speed", [0.5, 2.0, 4.0, 5.5])
 def test_on_the_line_the_wheels_turn_as_the_bend_needs(speed):
     needed_rad = math.atan(0.33 / 6.0) + TYRES.understeer_rad(speed**2 / 6.0)
@@ -75,19 +87,11 @@ def test_it_comes_back_without_swinging_over(speed):
 
 @pytest.mark.parametrize("speed", [2.0, 4.0, 5.5])
 def test_a_heading_error_dies_out_although_turn_and_command_lag(speed):
-    """Commands at 40 Hz act after 45 ms, and the turn follows them; the car is asked every 5 ms how it does."""
     line = circle(radius_m=20.0)
     slip_rad = TYRES.rear_slip_rad(speed**2 / 20.0)
     car = Moving(20.0 + 0j, math.pi / 2 + slip_rad + 0.1, speed, speed / 20.0)
-    told_rad, off_rad = TYRES.steering_rad(1 / 20.0, speed), []
-    wire = [told_rad] * 9
-    for step in range(300):
-        if step % 5 == 0:
-            then = car.later(0.045, told_rad, TYRES)
-            told_rad = steering_rad(then, line, line.nearest(then.place_m), TYRES)
-        wire.append(told_rad)
-        car = car.later(0.005, wire.pop(0), TYRES)
-        off_rad.append(heading_error_rad(car, line.nearest(car.place_m), TYRES))
+    way = driven(car, line, TYRES.steering_rad(1 / 20.0, speed))
+    off_rad = [heading_error_rad(car, line.nearest(car.place_m), TYRES) for car in way]
     over = min(off_rad)
     assert over > -0.09
     assert max(off_rad[off_rad.index(over) :]) < 0.025

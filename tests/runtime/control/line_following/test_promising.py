@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from tests.runtime.control.line_following.lines import circle
-from tests.runtime.control.line_following.test_line_law import TYRES, WIDE, beside
+from tests.runtime.control.line_following.test_line_law import TYRES, WIDE, beside, driven
 from wallride.runtime.control.line_following import promising
-from wallride.runtime.control.line_following.line_law import steering_rad
 from wallride.runtime.control.line_following.promising import Promises, Return, way_ahead
 
 STEP_S = 0.025
@@ -39,17 +38,10 @@ def test_the_promised_way_is_driven(speed, aside_m, off_rad):
     assert set(speeds) == {4.0}
     assert abs(places[-1]) > speed**2 / 6.0
     promised = car.place_m + places * cmath.exp(1j * car.yaw_rad)
-    told_rad = TYRES.steering_rad(1 / 6.0, speed)
-    wire = [told_rad] * 9  # commands at 40 Hz act after 45 ms
-    for step in range(300):
-        if step % 5 == 0:
-            then = car.later(0.045, told_rad, TYRES)
-            told_rad = steering_rad(then, WIDE, WIDE.nearest(then.place_m), TYRES)
-        wire.append(told_rad)
-        car = car.later(0.005, wire.pop(0), TYRES)
+    for now in driven(car, WIDE, TYRES.steering_rad(1 / 6.0, speed)):
         chords = np.diff(promised)
-        share = np.clip(((car.place_m - promised[:-1]) * chords.conj()).real / np.abs(chords) ** 2, 0.0, 1.0)
-        assert np.abs(promised[:-1] + share * chords - car.place_m).min() < 0.1
+        share = np.clip(((now.place_m - promised[:-1]) * chords.conj()).real / np.abs(chords) ** 2, 0.0, 1.0)
+        assert np.abs(promised[:-1] + share * chords - now.place_m).min() < 0.1
 
 
 def test_a_promise_bends_no_more_than_the_grip_allows():
