@@ -22,7 +22,7 @@ from wallride.clients.calibration.steps import (
 )
 from wallride.clients.calibration.ways import CalibrationError
 from wallride.clients.connection import ConnectionProblemError
-from wallride.clients.remote.car import RemoteCar, connect
+from wallride.clients.remote.car import RemoteCar
 from wallride.clients.remote.driver import DriveRefusedError
 from wallride.clients.status import lost_device
 from wallride.clients.teleop import terminal
@@ -58,7 +58,7 @@ def _undo(path: Path) -> int:
 def _calibrate(options: argparse.Namespace) -> int:
     path, wanted = _file(options), frozenset(options.steps or STEPS)
     say(f"settings of {path}")
-    with connect(options.car, at=options.connect, keys=options.keys, session=options.session) as car:
+    with RemoteCar(options) as car:
         now = current_values(car, path)
         _check_yes(car, given=options.yes)
         _check_devices(car)

@@ -46,12 +46,13 @@ class RemoteCar:
     Reading changes what the car does: it writes a topic from its first reader here until `close`. Rates are those of
     `telemetry.rates_hz`.
 
-    name: of the car. parameters: its settings.
+    name: of the car. parameters: its settings. options: those of a client's command. operator: name that the car shows
+    while this one drives; by default the user's.
     """
 
-    def __init__(self, options: argparse.Namespace, operator: str) -> None:
+    def __init__(self, options: argparse.Namespace, operator: str | None = None) -> None:
         self._options = options
-        self._operator = operator
+        self._operator = operator or _own_name()
         self._thread = LoopThread()
         self._streams: dict[str, list[Stream[Any]]] = {}
         self._is_played = False
@@ -232,7 +233,7 @@ def connect(
     )  # fmt: skip
     if not isinstance(options.connect, str) or not isinstance(car, str | None):
         raise ConnectionProblemError(f'car={car!r}, at={at!r}: both are text, e.g. connect("car1", at="{DEFAULT_AT}")')
-    return RemoteCar(options, name or _own_name())
+    return RemoteCar(options, name)
 
 
 def _own_name() -> str:

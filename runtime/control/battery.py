@@ -26,6 +26,7 @@ LOADED_ABOVE_A: Final = 2.0
 CHECKED: Final = "the battery is being checked"
 UNHEARD: Final = "the motor controller reports nothing (power, cable?)"
 """Why a car stands whose controller is away: no voltage, and nothing else of it, is known."""
+NOT_YET: Final = "no report of the motor controller yet (power, cable?)"
 
 
 class BatterySettings(Section):
@@ -112,6 +113,7 @@ class BatteryMonitor:
     def __post_init__(self) -> None:
         """Begin without a pack."""
         self.update(None)
+        self.trouble = self.trouble and NOT_YET
 
     def update(self, state: MotorState | None) -> None:
         """Take in the motor controller's newest report, None while it is away."""

@@ -60,7 +60,7 @@ def head(shown: Shown) -> str:
     tiles = (
         *errors,
         ("distance", text(numbers["distance_m"], "m", 1)),
-        ("stops", str(numbers["stops"])),
+        ("stops to a standstill", str(numbers["stops"])),
         ("scan to motor, p99", text(numbers["scan_to_motor_ms"].get("p99"), "ms", 1)),
     )
     boxes = "".join(f"<div><b>{escape(value)}</b><span>{escape(name)}</span></div>" for name, value in tiles)

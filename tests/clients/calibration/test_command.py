@@ -53,6 +53,11 @@ def test_without_a_terminal_there_is_no_deadman(monkeypatch):
         command._check_yes(car_with(), given=False)
 
 
+def test_a_bad_address_is_named_as_the_command_line_calls_it(car_toml, capsys):
+    assert main(["calibrate", "--config", str(car_toml), "--connect", "bad::x"]) == 2
+    assert "wallride: --connect bad::x: write tcp/HOST:PORT" in capsys.readouterr().err
+
+
 def test_another_car_s_file_is_refused(car_toml):
     assert current_values(car_with(), car_toml) == {"car.wheelbase_m": 0.25}
     with pytest.raises(CalibrationError, match=r"drives with 0\.33"):
@@ -84,7 +89,7 @@ def test_only_what_is_accepted_is_written(car_toml, monkeypatch, capsys):
 
 def test_a_file_that_may_not_be_written_is_said_before_anything_is_driven(car_toml, monkeypatch, capsys):
     monkeypatch.setattr("os.access", lambda path, _mode: path != car_toml.parent)
-    monkeypatch.setattr(command, "connect", lambda *_, **__: pytest.fail("it goes on to drive"))
+    monkeypatch.setattr(command, "RemoteCar", lambda *_, **__: pytest.fail("it goes on to drive"))
     assert main(["calibrate", "--config", str(car_toml)]) == 2
     assert "use sudo" in capsys.readouterr().err
 

@@ -72,7 +72,7 @@ def test_it_holds_slows_and_stops_a_human_too_and_says_why():
 
 def test_a_motor_controller_that_is_lost_is_the_reason_and_not_the_battery():
     car = Car()
-    assert car.limit.stop == "the motor controller reports nothing (power, cable?)", "not found yet"
+    assert car.limit.stop == "no report of the motor controller yet (power, cable?)"
     assert car.shows(11.8, 0.1).reason == "the battery is being checked"
     assert car.shows(11.8, 3.0).speed_mps == 3.0
     car.motor.report = None
