@@ -17,7 +17,7 @@ from wallride.clients.door.auth import DoorAuth, door_auth, is_loopback
 from wallride.clients.door.door import HEADERS, Door
 from wallride.clients.door.listening import listening
 from wallride.clients.door.token_file import login_token
-from wallride.clients.ending import interrupted
+from wallride.clients.ending import stopping
 from wallride.clients.fleet.links import telling_what_is_awaited
 from wallride.clients.monitor import assets
 from wallride.clients.monitor.handover import handed_over
@@ -115,11 +115,13 @@ async def run(options: argparse.Namespace) -> int:
             if code := qr_lines(url):
                 options.print_line(code)
         async with contextlib.AsyncExitStack() as stack:
+            stop = asyncio.Event()
+            stack.enter_context(stopping(stop))  # before the browser has the address: what it opened is removed
             await stack.enter_async_context(telling_what_is_awaited(lambda: relay.problem))
             if options.browser:
                 address = stack.enter_context(handed_over(url))
                 await asyncio.to_thread(_open_browser, address, options.print_line)
-            await interrupted()
+            await stop.wait()
     return 0
 
 
