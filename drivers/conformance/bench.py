@@ -65,6 +65,10 @@ class DeviceBench(Protocol):
 
     silence: bool
 
+    def driver(self) -> Any:  # noqa: ANN401 - any class with the protocol
+        """Return a new driver for it, not yet running."""
+        ...
+
     async def start(self) -> None:
         """Plug it in."""
         ...
@@ -98,10 +102,6 @@ class DeviceBench(Protocol):
 class LidarBench(DeviceBench, Protocol):
     """A lidar in the kit's room (`room_m`)."""
 
-    def driver(self) -> Any:  # noqa: ANN401 - any class with the protocol
-        """Return a new driver for it, not yet running."""
-        ...
-
     def hold(self) -> None:
         """Keep what it sends until `release`."""
         ...
@@ -113,10 +113,6 @@ class LidarBench(DeviceBench, Protocol):
 
 class MotorBench(DeviceBench, Protocol):
     """A motor controller whose wheels follow at once."""
-
-    def driver(self) -> Any:  # noqa: ANN401 - any class with the protocol
-        """Return a new driver for it, not yet running."""
-        ...
 
     @property
     def commanded(self) -> tuple[float | None, float, int]:

@@ -2,38 +2,35 @@
 
 import asyncio
 import random
-from collections.abc import Awaitable, Callable
-from typing import Any
 
 import numpy as np
 
-from wallride.drivers.api import LinkState, Scan
+from wallride.drivers.api import Scan
 from wallride.drivers.conformance.bench import LidarBench, room_m
-from wallride.drivers.conformance.port import now_s, run_test
+from wallride.drivers.conformance.device_run import ENDS_S, DeviceConformance, DeviceRun
+from wallride.drivers.conformance.port import now_s
 from wallride.drivers.scan_check import ScanCheck
 
-PATIENCE_S = 12.0
 NOTICED_S = 2.5
 """Maximum time in which a silent or lost device is no longer READY."""
-ENDS_S = 2.0
 FRESH_S = 0.15
 STALL_S = 0.7
-STEP_S = 0.004
 
 
 class CarFailedError(Exception):
     """Raised by the kit in the driver's callback."""
 
 
-class LidarRun:
+class LidarRun(DeviceRun[LidarBench]):
     """A driver that runs against a bench; judges every scan as it comes."""
 
+    patience_s = 12.0
+
     def __init__(self, bench: LidarBench) -> None:
-        self.bench, self.driver = bench, bench.driver()
+        super().__init__(bench, self.on_scan)
         self.scans: list[Scan] = []
         self.faults: list[str] = []
         self._check = ScanCheck()
-        self.task: asyncio.Task[Any] = asyncio.create_task(self.driver.run(self.on_scan))
 
     def on_scan(self, scan: Scan) -> None:
         """Take a scan."""
@@ -41,17 +38,9 @@ class LidarRun:
             self.faults.append(fault)
         self.scans.append(scan)
 
-    async def until(self, done: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> None:
-        """Let the device go on until something is so; AssertionError where it does not become so."""
-        end_s = now_s() + patience_s
-        while not done():
-            if self.task.done() and not self.task.cancelled() and self.task.exception() is not None:
-                self.task.result()
-            assert not self.task.done(), "run() ended, which has no end"
-            assert not self.faults, f"the driver {self.faults[0]}"
-            assert now_s() < end_s, f"{what}: not within {patience_s:g} s; {self.driver.health.message}"
-            self.bench.step(now_s())
-            await asyncio.sleep(STEP_S)
+    def judge(self) -> None:
+        """Raise AssertionError for a scan that breaks the contract."""
+        assert not self.faults, f"the driver {self.faults[0]}"
 
     async def more(self, count: int = 3) -> list[Scan]:
         """Wait for further scans."""
@@ -59,38 +48,11 @@ class LidarRun:
         await self.until(lambda: len(self.scans) >= before + count, "scans")
         return self.scans[before:]
 
-    async def run_for(self, duration_s: float) -> None:
-        """Let the device go on for a time."""
-        end_s = now_s() + duration_s
-        await self.until(lambda: now_s() >= end_s, "time")
 
-    def is_ready(self) -> bool:
-        """Return whether the driver says that all is well."""
-        return self.driver.health.link is LinkState.READY
-
-
-class LidarConformance:
+class LidarConformance(DeviceConformance[LidarBench, LidarRun]):
     """Subclass it as TestSomething, with `bench`."""
 
-    def bench(self) -> LidarBench:
-        """Return a new bench."""
-        raise NotImplementedError
-
-    def drive(self, body: Callable[[LidarRun], Awaitable[None]]) -> None:
-        """Run a test against a new bench and a new driver."""
-
-        async def run() -> None:
-            bench = self.bench()
-            await bench.start()
-            drive = LidarRun(bench)
-            try:
-                await body(drive)
-            finally:
-                drive.task.cancel()
-                await asyncio.wait({drive.task}, timeout=ENDS_S)
-                await bench.close()
-
-        run_test(run())
+    run_class = LidarRun
 
     def test_it_shows_the_room_the_right_way_round(self) -> None:
         """Bearings by REP-103, metres, NaN where nothing returns, fresh stamps, READY."""
@@ -211,12 +173,6 @@ class LidarConformance:
 
 
 async def _ends(drive: LidarRun) -> None:
-    drive.task.cancel()
-    end_s = now_s() + ENDS_S
-    while not drive.task.done() and now_s() < end_s:
-        drive.bench.step(now_s())
-        await asyncio.sleep(STEP_S)
-    assert drive.task.done(), "it does not end when it is cancelled"
-    assert drive.task.cancelled(), "it swallows its cancellation"
+    await drive.end()
     await asyncio.sleep(0.05)
     assert not drive.bench.connected, "the port stays open"

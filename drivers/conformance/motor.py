@@ -6,54 +6,29 @@ Reversals and latched faults are not in it: the car sees to them.
 import asyncio
 import math
 import random
-from collections.abc import Awaitable, Callable
-from typing import Any
 
-from wallride.drivers.api import Drive, LinkState
+from wallride.drivers.api import Drive
 from wallride.drivers.conformance.bench import MotorBench
-from wallride.drivers.conformance.port import now_s, run_test
+from wallride.drivers.conformance.device_run import STEP_S, DeviceConformance, DeviceRun
+from wallride.drivers.conformance.port import now_s
 
-PATIENCE_S = 8.0
 NOTICED_S = 1.5
 """Maximum time in which a silent or lost device is no longer READY."""
 AT_ONCE_S = 0.1
-ENDS_S = 2.0
-STEP_S = 0.004
 SPEED_MPS, STEERING_RAD = 1.0, 0.15
 
 
-class MotorRun:
+class MotorRun(DeviceRun[MotorBench]):
     """A driver that runs against a bench."""
-
-    def __init__(self, bench: MotorBench) -> None:
-        self.bench, self.driver = bench, bench.driver()
-        self.task: asyncio.Task[Any] = asyncio.create_task(self.driver.run())
-
-    async def until(self, done: Callable[[], bool], what: str, patience_s: float = PATIENCE_S) -> None:
-        """Let the device go on until something is so; AssertionError where it does not become so."""
-        end_s = now_s() + patience_s
-        while not done():
-            if self.task.done():
-                self.task.result()
-            assert now_s() < end_s, f"{what}: not within {patience_s:g} s; {self.driver.health.message}"
-            self.bench.step(now_s())
-            await asyncio.sleep(STEP_S)
-
-    async def run_for(self, duration_s: float) -> None:
-        """Let the device go on for a time."""
-        end_s = now_s() + duration_s
-        await self.until(lambda: now_s() >= end_s, "time")
 
     async def ready(self) -> None:
         """Wait until it takes commands."""
-        await self.until(
-            lambda: self.driver.health.link is LinkState.READY and self.driver.state is not None, "READY with a state"
-        )
+        await self.until(lambda: self.is_ready() and self.driver.state is not None, "READY with a state")
 
     async def moves(self) -> None:
         """Have the wheels turn."""
         await self.ready()
-        end_s = now_s() + PATIENCE_S
+        end_s = now_s() + self.patience_s
         while abs((self.bench.commanded[0] or 0.0) - SPEED_MPS) > 0.05 and now_s() < end_s:
             assert self.driver.send(Drive(SPEED_MPS, STEERING_RAD)), "send() of a device that is READY"
             await self.run_for(0.03)
@@ -65,28 +40,10 @@ class MotorRun:
         )
 
 
-class MotorConformance:
+class MotorConformance(DeviceConformance[MotorBench, MotorRun]):
     """Subclass it as TestSomething, with `bench`."""
 
-    def bench(self) -> MotorBench:
-        """Return a new bench."""
-        raise NotImplementedError
-
-    def drive(self, body: Callable[[MotorRun], Awaitable[None]]) -> None:
-        """Run a test against a new bench and a new driver."""
-
-        async def run() -> None:
-            bench = self.bench()
-            await bench.start()
-            drive = MotorRun(bench)
-            try:
-                await body(drive)
-            finally:
-                drive.task.cancel()
-                await asyncio.wait({drive.task}, timeout=ENDS_S)
-                await bench.close()
-
-        run_test(run())
+    run_class = MotorRun
 
     def test_it_drives_and_reports(self) -> None:
         """Speed and steering arrive with their signs; the report is the wheels'."""
@@ -147,10 +104,7 @@ class MotorConformance:
 
         async def body(drive: MotorRun) -> None:
             await drive.moves()
-            drive.task.cancel()
-            await asyncio.wait({drive.task}, timeout=ENDS_S)
-            assert drive.task.done(), "it does not end when it is cancelled"
-            assert drive.task.cancelled(), "it swallows its cancellation"
+            await drive.end()
             end_s = now_s() + AT_ONCE_S
             while now_s() < end_s:
                 drive.bench.step(now_s())
@@ -167,7 +121,7 @@ class MotorConformance:
             for _ in range(3):
                 await drive.moves()
                 await drive.bench.unplug()
-                await drive.until(lambda: drive.driver.health.link is not LinkState.READY, "not READY", NOTICED_S)
+                await drive.until(lambda: not drive.is_ready(), "not READY", NOTICED_S)
                 assert drive.driver.state is None, "a report of a device that is not there"
                 assert not drive.driver.send(Drive(SPEED_MPS, 0.0)), "a command is taken by a device that is not there"
                 await drive.bench.replug()
@@ -186,7 +140,7 @@ class MotorConformance:
             await drive.ready()
             drive.bench.silence = True
             await drive.until(
-                lambda: drive.driver.health.link is not LinkState.READY or drive.driver.state is None
+                lambda: not drive.is_ready() or drive.driver.state is None
                 or now_s() - drive.driver.state.stamp_s > 0.5, "silence", NOTICED_S,
             )  # fmt: skip
             drive.bench.silence = False
