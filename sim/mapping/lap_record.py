@@ -30,6 +30,7 @@ class LapRecord:
     (n, beams), NaN without a distance. reports: (m, 4), time [s], way [m], speed [m/s] and steering [rad] as the motor
     controller reported them; without rows where it was not recorded. gyro: (g, 2), time [s] and yaw rate [rad/s],
     likewise. lidar_m: place of the lidar ahead of the rear axle and left of it, x + iy. world: the simulated one.
+    unix_s: the time since 1970 at 0 of its clock, where that is known.
     """
 
     name: str
@@ -42,6 +43,7 @@ class LapRecord:
     lidar_m: complex = 0j
     wheelbase_m: float = 0.33
     world: str = ""
+    unix_s: float = 0.0
 
 
 def read_record(path: Path, topic: str | None = None) -> LapRecord:
@@ -90,7 +92,7 @@ def record_of_log(log: DriveLog) -> LapRecord:
     return LapRecord(
         log.name, kind, float(first.scan_time) * abs(kind[1]) / math.tau, np.array([event.stamp_s for event in taken]),
         ranges_m, reports_of(_states(events)), np.array(rates).reshape(-1, 2), car.lidar_m, car.wheelbase_m,
-        settings.recording.world,
+        settings.recording.world, ahead_s,
     )  # fmt: skip
 
 

@@ -39,14 +39,16 @@ class Series:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class OdometryPath:
-    """Poses estimated by the odometry, all (n,): the odometry's frame, speed along the car."""
+class DrivenPath:
+    """Poses of the rear axle, all (n,), and the speed along the car. by: what tells the places. drifts: does it?"""
 
     time_s: Floats
     x_m: Floats
     y_m: Floats
     yaw_rad: Floats
     speed_mps: Floats
+    by: str = "odometry"
+    drifts: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +83,7 @@ class RecordedRun:
     notes: Sequence[str]
     scans: list[tuple[float, LoggedMessage]]
     error: Series
-    path: OdometryPath
+    path: DrivenPath
     wish: Series
     sent: Series
     steering: Series
@@ -148,7 +150,7 @@ def _wishes(log: DriveLog) -> list[LoggedMessage]:
     return sorted(both, key=lambda message: message.stamp_ns)
 
 
-def _path(log: DriveLog, zero_ns: int) -> OdometryPath:
+def _path(log: DriveLog, zero_ns: int) -> DrivenPath:
     rows = []
     for message in log.of(topics.ODOM):
         said = decode(message)
@@ -158,7 +160,7 @@ def _path(log: DriveLog, zero_ns: int) -> OdometryPath:
             ((message.stamp_ns - zero_ns) / NS, pose.position.x, pose.position.y, yaw_rad, said.twist.twist.linear.x)
         )
     table = np.array(rows, dtype=np.float64).reshape(-1, 5)
-    return OdometryPath(*table.T)
+    return DrivenPath(*table.T)
 
 
 def _changes(log: DriveLog, zero_ns: int) -> list[MuxChange]:

@@ -36,8 +36,8 @@ def page(*runs: Shown) -> str:
     plots = [
         section("Figures", tables.figures(runs)),
         _each(runs, "Path", lambda one: track(one, WIDTH // len(runs)),
-              "By odometry, with the walls as the lidar saw them; of several laps the one at the cursor. Numbers are"
-              " stops."),
+              f"By {' and '.join(dict.fromkeys(one.run.path.by for one in runs))}, with the walls as the lidar saw"
+              " them; of several laps the one at the cursor. Numbers are stops."),
         *_over_time(runs, charts),
         *(section(one.tagged("Through the sharpest turn"), chart, ABOUT_TURN)
           for one in runs if (chart := sharpest_turn(one.run))),

@@ -24,8 +24,8 @@ BODY_M = 0.1
 def track(shown: Shown, width: int) -> str:
     """Return the drawing; numbers are stops.
 
-    Of several laps, or parts of a long drive, each has its own: the odometry drifts, and one drawing of all would show
-    every wall several times. The page's script shows the one at the cursor.
+    Of several laps, or parts of a long drive whose path drifts, each has its own: one drawing of all would show every
+    wall several times. The page's script shows the one at the cursor.
     """
     pieces = spans(shown)
     if len(pieces) == 1:
@@ -47,7 +47,7 @@ def spans(shown: Shown) -> list[tuple[str, float, float]]:
         found = [(title, began_s, end_s) for (_, began_s), (title, end_s) in itertools.pairwise(whole)]
         return [*found, *([("after the last lap", ends_s[-1], until_s)] if until_s - ends_s[-1] > SHORT_S else [])]
     count = min(MAX_PIECES, math.ceil(until_s / LONG_S))
-    if count < 2:
+    if count < 2 or not shown.run.path.drifts:
         return [("", 0.0, math.inf)]
     length_s = until_s / count
     return [(f"part {n + 1} of {count}", n * length_s, (n + 1) * length_s) for n in range(count)]

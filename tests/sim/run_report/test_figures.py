@@ -10,7 +10,7 @@ from wallride.runtime.settings.tree import Settings
 from wallride.sim.figures import summary
 from wallride.sim.replay.command import _tell
 from wallride.sim.replay.figures import numbers, samples, slowed, stops, truth_of
-from wallride.sim.replay.run import MuxChange, OdometryPath, RecordedRun, Series
+from wallride.sim.replay.run import DrivenPath, MuxChange, RecordedRun, Series
 from wallride.sim.run_report.events import stops_table
 
 NOTHING = np.empty(0)
@@ -22,7 +22,7 @@ def made(times_s, sent_mps, changes=(), **values):
     fields = {
         "name": "made", "car": "car1", "version": "", "began": "", "source": "", "settings": Settings(), "notes": (),
         "scans": [], "error": Series(NOTHING, NOTHING), "wish": Series(NOTHING, NOTHING),
-        "path": OdometryPath(times_s, still, still, still, np.asarray(sent_mps, dtype=np.float64)),
+        "path": DrivenPath(times_s, still, still, still, np.asarray(sent_mps, dtype=np.float64)),
         "sent": Series(times_s, np.asarray(sent_mps, dtype=np.float64)), "steering": Series(times_s, still),
         "changes": list(changes), "duration_s": float(times_s[-1]) if len(times_s) else 0.0,
     }  # fmt: skip

@@ -1,0 +1,42 @@
+"""The path of a drive by its scans, laid upon each other as for a map: the odometry alone draws every wall twice."""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from wallride.sim.mapping.closing import close_lap
+from wallride.sim.mapping.lap_record import record_of_log
+from wallride.sim.mapping.odometry_path import of_the_axle
+from wallride.sim.mapping.pose_graph import between, placed
+from wallride.sim.mapping.verdict import judge_map
+from wallride.sim.recordings import RecordingError
+from wallride.sim.replay.drive_log import DriveLog
+from wallride.sim.replay.run import DrivenPath, RecordedRun
+
+MAX_WAY_M: Final = 200.0
+"""Longest way that is matched; each 60 m take some 2 s."""
+
+
+def matched_path(log: DriveLog, run: RecordedRun) -> DrivenPath:
+    """Return the run's path with places by matched scans; as it is where they do not tell them, or the way is long."""
+    path = run.path
+    way_m = float(np.abs(np.diff(path.time_s, prepend=path.time_s[:1]) * path.speed_mps).sum())
+    if not 0.0 < way_m <= MAX_WAY_M:
+        return path
+    try:
+        record = record_of_log(log)
+        lap = close_lap(record)
+    except RecordingError:  # another program's, or hardly a drive
+        return path
+    if judge_map(record, lap, is_open=True).reasons:
+        return path
+    time_s = np.array([frame.time_s for frame in lap.frames]) + record.unix_s - run.zero_unix_s
+    told = np.column_stack([path.x_m, path.y_m, path.yaw_rad])
+    after_last = between(told[np.searchsorted(path.time_s[:-1], time_s[-1])], told[-1])  # no keyframe, but odometry
+    axle = of_the_axle(lap.poses, record.lidar_m)
+    axle = np.vstack([axle, placed(axle[-1], after_last)])
+    time_s = np.append(time_s, max(path.time_s[-1], time_s[-1]))
+    axle[:, 2] = np.unwrap(axle[:, 2])
+    x_m, y_m, yaw_rad = (np.interp(path.time_s, time_s, part) for part in axle.T)
+    return replace(path, by="matched scans", drifts=False, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
