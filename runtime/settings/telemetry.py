@@ -42,6 +42,10 @@ class RatesHz(Section):
     """Maximum rate of the frames map, odom, base_link and laser; 0: off."""
     pose: Rate = 20.0
     """Maximum rate of the pose on the map; 0: off."""
+    map: Rate = 0.2
+    """Maximum rate at which the map is repeated; 0: off."""
+    line: Rate = 0.2
+    """Maximum rate at which the race line is repeated; 0: off."""
     motor: Rate = 20.0
     """Maximum rate of speed and steering as joint states; 0: off."""
     imu: Rate = 50.0
