@@ -54,13 +54,13 @@ export class Course {
     if (Number.isFinite(x) && this.#trace.length < LONGEST_TRACE) this.#trace.push({ t: atS - race.began_s, x, y, yaw });
   }
 
-  /** Draws what is known, and returns the pose, null while the car is not located. x0, y0: the car; scale: pixels for a metre. */
-  draw(context, x0, y0, scale, ratio, nowMs) {
-    const { map, line, scan } = this.#link.newest, pose = this.#carriedTo(scan.stamp, nowMs);
+  /** Draws what is known by a pose, null while the car is not located. x0, y0: the car; scale: pixels for a metre. */
+  draw(context, pose, x0, y0, scale, ratio, nowMs) {
+    const { map, line } = this.#link.newest;
     const hasMap = pose && this.#knows("map"), hasLine = pose && this.#knows("line");
     const ghost = hasLine ? this.#ghost(nowMs) : null;
     this.#legend({ map: hasMap, race: hasLine, ghost });
-    if (!pose) return null;
+    if (!pose) return;
     if (hasMap) {
       place(context, pose, map, map.cell, x0, y0, scale);
       context.imageSmoothingEnabled = false;
@@ -70,10 +70,18 @@ export class Course {
     if (hasLine) this.#drawLine(context, line, (3 * ratio) / scale);
     if (ghost) drawGhost(context, ghost, (2 * ratio) / scale);
     context.setTransform(1, 0, 0, 1, 0, 0);
-    return pose;
   }
 
   isLocated(nowMs) { return this.#pose !== null && this.#link.ageMs("pose", nowMs) < LOCATED_MS; }
+
+  /** The pose at the time of the scan that is drawn: it is told at other times, and at 6 m/s a scan is 15 cm. */
+  poseAt(stamp, nowMs) {
+    const pose = this.#pose, rates = this.#rates;
+    if (!this.isLocated(nowMs)) return null;
+    const dt = stamp - pose.stamp;
+    if (!rates || Math.abs(dt) > LONGEST_CARRY_S) return pose;
+    return { x: pose.x + rates.x * dt, y: pose.y + rates.y * dt, yaw: pose.yaw + rates.yaw * dt };
+  }
 
   #knows(topic) { return Number.isFinite(this.#link.seenMs[topic]); }
 
@@ -83,15 +91,6 @@ export class Course {
       this.#shown[name] = Boolean(is);
       setHidden(document.querySelector(`.legend .${name}`), !is);
     }
-  }
-
-  /** The pose at the time of the scan that is drawn: it is told at other times, and at 6 m/s a scan is 15 cm. */
-  #carriedTo(stamp, nowMs) {
-    const pose = this.#pose, rates = this.#rates;
-    if (!this.isLocated(nowMs)) return null;
-    const dt = stamp - pose.stamp;
-    if (!rates || Math.abs(dt) > LONGEST_CARRY_S) return pose;
-    return { x: pose.x + rates.x * dt, y: pose.y + rates.y * dt, yaw: pose.yaw + rates.yaw * dt };
   }
 
   #drawnWalls(map) {

@@ -90,9 +90,9 @@ export class Scene {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, canvas.width, canvas.height);
     this.#grid(originX, originY, scale, ratio);
-    const pose = this.course.draw(context, originX, originY, scale, ratio, nowMs);
-    this.#way(this.#trailOnMap ? pose : this.#link.newest.odom, originX, originY, scale, ratio);
-    const { scan, wall, footprint } = this.#link.newest;
+    const { scan, wall, footprint, odom } = this.#link.newest, pose = this.course.poseAt(scan.stamp, nowMs);
+    this.#way(this.#trailOnMap ? pose : odom, originX, originY, scale, ratio);
+    this.course.draw(context, pose, originX, originY, scale, ratio, nowMs);
     if (this.#link.ageMs("footprint", nowMs) < 5000) this.#sweep(footprint, originX, originY, scale);
     if (scan.n) this.#points(scan, nowMs, originX, originY, scale, ratio);
     this.#sectors(originX, originY, scale, ratio);

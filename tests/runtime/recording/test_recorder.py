@@ -11,8 +11,8 @@ import pytest
 from tests.runtime.recording.drives import EPOCH_NS, Drive
 from tests.runtime.recording.reading import decoded_by_ros2_support, events, metadata, streamed
 from tests.runtime.recording.recorded import files, recordings
+from tests.runtime.telemetry.test_course_messages import shown
 from wallride.runtime.arbitration.command import Source, refusal
-from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.localization.localizer import PoseEstimate, Whereabouts
 from wallride.runtime.control.localization.wall_points import MapGrid
 from wallride.runtime.recording.channels import text_of
@@ -109,7 +109,7 @@ async def test_everything_that_telemetry_says_is_in_it_for_every_reader(tmp_path
 
 async def test_a_map_is_once_in_each_file(tmp_path):
     drive = Drive(tmp_path, black_box_s=2)
-    drive.telemetry.on_course(RaceCourse("lab", None, None, None, MapGrid(np.eye(9, dtype=np.int8), 0.05, 0j)))
+    drive.telemetry.on_course(shown(grid=MapGrid(np.eye(9, dtype=np.int8), 0.05, 0j)))
     for _ in range(2):
         drive.permit()
         for _ in range(4):

@@ -13,11 +13,10 @@ import pytest
 from tests.own_laws import EASY, law_file
 from tests.runtime.observed import GUIDANCE, HandClock, make_observed, output_of, scan_at, speak
 from tests.runtime.ros.samples import ros_store
-from tests.runtime.telemetry.test_course_messages import circle
+from tests.runtime.telemetry.test_course_messages import circle, shown
 from wallride.drivers.api import Drive
 from wallride.runtime.arbitration.command import Source, Verdict
 from wallride.runtime.control.laws import LiveLaws
-from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.localization.localizer import PoseEstimate, Whereabouts
 from wallride.runtime.control.localization.wall_points import MapGrid
 from wallride.runtime.control.vehicle import CarSettings
@@ -397,7 +396,7 @@ class OnDemand(Keeper):
 async def test_map_and_line_are_there_whenever_a_reader_comes_and_are_always_the_same_bytes():
     rig = Rig(OnDemand())
     grid = MapGrid(np.array([[0, 100]], dtype=np.int8), 0.05, 0j)
-    rig.telemetry.on_course(RaceCourse("lab", None, None, circle(50), grid))
+    rig.telemetry.on_course(shown(circle(50), grid))
     sink = rig.sinks[0]
     for _ in range(3):
         rig.clock.now_s += 10.0
@@ -414,7 +413,7 @@ async def test_map_and_line_are_there_whenever_a_reader_comes_and_are_always_the
 
 async def test_a_map_without_a_line_has_no_topic_line():
     rig = Rig()
-    rig.telemetry.on_course(RaceCourse("lab", None, None, None, MapGrid(np.zeros((1, 1), dtype=np.int8), 0.05, 0j)))
+    rig.telemetry.on_course(shown(grid=MapGrid(np.zeros((1, 1), dtype=np.int8), 0.05, 0j)))
     rig.telemetry.on_pose(PoseEstimate(rig.clock.now_s, Whereabouts.SEARCHING))
     rig.drive_once()
     kept = await rig.written()

@@ -1,6 +1,7 @@
 """The messages of map and line: of the file's cells and points, and never longer than a link takes as a whole."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,8 +30,14 @@ def circle(count, radius_m=5.0, speed_mps=2.0):
     )
 
 
+def shown(line=None, grid=None):
+    """Return a course of which only what is shown is there."""
+    nothing: Any = None
+    return RaceCourse("lab", nothing, nothing, line, grid)
+
+
 def decoded(topic, **course):
-    told = written(RaceCourse("lab", None, None, **course), STAMP_NS)
+    told = written(shown(**course), STAMP_NS)
     assert len(told[topic]) <= MAX_SAMPLE_BYTES
     return STORE.deserialize_cdr(told[topic], TYPES[topic])
 
