@@ -1,4 +1,4 @@
-# Two commands do all set-up: `make sim` and `make test`. `make check` is the one truth before a commit.
+# `make sim`, `make race` and `make test` each do all set-up. `make check` is the one truth before a commit.
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
