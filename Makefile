@@ -1,4 +1,4 @@
-# Two commands do all set-up: `make sim` and `make test`. `make check` is the one truth before a commit.
+# `make sim`, `make race` and `make test` each do all set-up. `make check` is the one truth before a commit.
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
@@ -11,10 +11,25 @@ export PYTHONDONTWRITEBYTECODE :=
 # Tests with processes and browsers mostly wait: more of them at a time than there are cores, but six starve each other.
 PYTEST := $(BIN)/pytest -q -rfER -n 4 --dist worksteal
 
-.PHONY: sim test test-all check kernel fuzz format book clean
+.PHONY: sim race test test-all check kernel fuzz format book clean
 
 sim: $(KERNEL)
 	$(BIN)/wallride sim $(ARGS)
+
+# A race along the line of a map of a lap, all three driven or made here once: make race ARGS='--laps 3'
+RACE := build/race
+
+race: $(KERNEL) $(RACE)/lap.line.csv
+	$(BIN)/wallride sim --race $(RACE)/lap.yaml --laps 10 $(ARGS)
+
+$(RACE)/lap.line.csv: | $(KERNEL)
+	@rm -rf $(RACE)
+	@echo "wallride: 1 of 3, a lap along the wall, 45 s"
+	@$(BIN)/wallride sim loop --headless --duration 45 --set recording.folder=$(RACE)
+	@echo "wallride: 2 of 3, its map"
+	@$(BIN)/wallride map $(RACE)/*-00001.mcap -o $(RACE)/lap.yaml
+	@echo "wallride: 3 of 3, the map's race line"
+	@$(BIN)/wallride line $(RACE)/lap.yaml -o $@
 
 # All that stops the car, without what is slow by nature (tests/tiers.py); test-all has that too.
 test: $(KERNEL) $(BYTECODE)

@@ -244,7 +244,7 @@ def _race_words(race: Mapping[str, Any] | None) -> str:
     if not race or not race["laps"]:
         return ""
     errors = f"{100 * race['rms_m']:.1f} cm from the line (rms), {100 * race['p99_m']:.0f} cm in 99 % of it"
-    return f"; lap {race['laps']}: {race['time_s']:.2f} s, {errors}"
+    return f"; lap {race['laps']}: {race['time_s']:.2f} s, best {race.get('best_s') or race['time_s']:.2f} s, {errors}"
 
 
 def own_parts_words(own_parts: Mapping[str, Any]) -> str:

@@ -131,7 +131,7 @@ class Car:
         self._add_watches()
         self.history = ChangeHistory(settings.parameters.history)
         self.parameters = ParameterServer(settings, self._surroundings(around.file, around.base), self.history)
-        self._add_telemetry()
+        self._add_telemetry(around.course)
 
     def _add_people(self) -> None:
         """Add what asks for motion from outside the laws: operators, planners, their permit and the e-stop."""
@@ -168,7 +168,7 @@ class Car:
             self.decision_log.add_own_parts,
         )  # fmt: skip
 
-    def _add_telemetry(self) -> None:
+    def _add_telemetry(self, course: RaceCourse | None) -> None:
         """Add the topics and where they go."""
         bus, settings = self.bus, self.settings
         self.sink = ZenohSink(bus, settings.car.name, settings.telemetry.rates_hz)
@@ -181,6 +181,8 @@ class Car:
         self.side_work = self.telemetry.side_work
         if self.pose is not None:
             self.pose.publish = self.telemetry.on_pose
+        if course is not None:
+            self.side_work.guarded("telemetry", self.telemetry.on_course)(course)
 
     def connect(self) -> None:
         """Declare the incoming keys on the bus: an operator's commands and requests about parameters."""

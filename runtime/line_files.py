@@ -112,4 +112,4 @@ def course_of(
 ) -> RaceCourse:
     """Return the course of a map that was read."""
     localizer = Localizer(known.field, car, known.start if start == "lap" else None, known.scale)
-    return RaceCourse(known.name, known.field, localizer, line)
+    return RaceCourse(known.name, known.field, localizer, line, known.grid)

@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from wallride.runtime.control.localization.line_field import LineField, field_of_cells, line_field
-from wallride.runtime.control.localization.wall_points import MapCells, WallPoints
+from wallride.runtime.control.localization.wall_points import MapCells, MapGrid, WallPoints
 from wallride.runtime.control.perception.geometry import Booleans, Floats
 from wallride.runtime.ros.yaml_file import YamlFileError, mappings, read_yaml
 
@@ -63,13 +63,14 @@ class MapSettings:
 class CarMap:
     """A map to find the pose on. scale: true way over reported way, 1.0 where the map does not tell.
 
-    start: pose at which its lap began, x [m], y [m], yaw [rad]; None of a map of another program.
+    start: pose at which its lap began, x [m], y [m], yaw [rad]; None of a map of another program. grid: to be shown.
     """
 
     name: str
     field: LineField
     scale: float = 1.0
     start: tuple[float, float, float] | None = None
+    grid: MapGrid | None = None
 
 
 def read_settings(path: Path) -> MapSettings:
@@ -135,12 +136,13 @@ def read_map(path: Path, occupancy: Callable[[MapSettings], Floats] = read_pgm) 
     """Return a map to find the pose on. occupancy: reads the image. Raises: MapError, with what to do."""
     try:
         settings = read_settings(path)
-        cells = cells_of(settings, occupancy(settings))
+        occupied = occupancy(settings)
+        cells, grid = cells_of(settings, occupied), grid_of(settings, occupied)
         beside = path.with_name(path.stem + WALLS_SUFFIX)
         if not beside.is_file():
-            return CarMap(path.stem, field_of_cells(cells))
+            return CarMap(path.stem, field_of_cells(cells), grid=grid)
         points, scale = read_walls(beside)
-        return CarMap(path.stem, line_field(points, cells), scale, LAP_START)
+        return CarMap(path.stem, line_field(points, cells), scale, LAP_START, grid)
     except MapError:
         raise
     except OSError as error:
@@ -163,6 +165,15 @@ def cells_of(settings: MapSettings, occupancy: Floats) -> MapCells:
     # The grey edge of a wall in a scaled drawing is of the wall.
     wall |= _beside(wall) & ~free
     return MapCells(wall, free, settings.cell_m, complex(x_m, y_m), complex(math.cos(yaw_rad), math.sin(yaw_rad)))
+
+
+def grid_of(settings: MapSettings, occupancy: Floats) -> MapGrid:
+    """Return the cells of an image as ROS's map_server has them."""
+    values = np.full(occupancy.shape, -1, dtype=np.int8)
+    values[occupancy < settings.free_thresh] = 0
+    values[occupancy > min(settings.occupied_thresh, 0.65)] = 100
+    x_m, y_m, yaw_rad = settings.origin
+    return MapGrid(values, settings.cell_m, complex(x_m, y_m), complex(math.cos(yaw_rad), math.sin(yaw_rad)))
 
 
 def read_walls(path: Path) -> tuple[WallPoints, float]:

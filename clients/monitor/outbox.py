@@ -17,7 +17,7 @@ PILOT, MONITOR, FLEET, CALIBRATION = "pilot", "monitor", "fleet", "calibration"
 calibration."""
 TOPICS = (
     topics.SCAN, topics.WALL, topics.FOOTPRINT, topics.ODOM, topics.OUTPUT, topics.DISTANCE_ERROR, topics.STATUS,
-    topics.DECISION, topics.BEAT, PILOT, MONITOR, FLEET, CALIBRATION,
+    topics.DECISION, topics.BEAT, topics.POSE, topics.MAP, topics.LINE, PILOT, MONITOR, FLEET, CALIBRATION,
 )  # fmt: skip
 FROM_CAR = TOPICS[: TOPICS.index(PILOT)]
 EAGER = frozenset({topics.SCAN, topics.DECISION, PILOT})

@@ -49,12 +49,16 @@ LOST_LATELY_S = 10.0
 ARMED_S = 1.0
 EARLY_SHARE = 0.2
 EVERY_ONE = 0.0
+ONCE_S = 1e9
+"""Period of what is recorded once, and again at the beginning of each file."""
 
 PERIODS_S: Mapping[str, float] = MappingProxyType(
     {
         topics.OUTPUT: EVERY_ONE,
         topics.DISTANCE_ERROR: EVERY_ONE,
         topics.POSE: EVERY_ONE,
+        topics.MAP: ONCE_S,
+        topics.LINE: ONCE_S,
         topics.IMU: 0.02,
         topics.SAFETY: 0.05,
         topics.NAVIGATION: 0.05,
@@ -138,7 +142,7 @@ class Recorder:
             self._wake.set()
         if schema not in _CDR_TYPES:
             schema, payload = channels.STRING, channels.text(payload)
-        self._put(RecordMessage(topic, schema, self._unix_ns(stamp_s), payload))
+        self._put(RecordMessage(topic, schema, self._unix_ns(stamp_s), payload, lasting=topic in topics.LASTING))
 
     def tap(self, device: str) -> Callable[[str, bytes, float], None] | None:
         """Return the function that takes the bytes of a device's link; None when they are not recorded.

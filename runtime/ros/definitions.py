@@ -28,6 +28,8 @@ TYPES: Mapping[str, str] = MappingProxyType(
         topics.DIAGNOSTICS: "diagnostic_msgs/msg/DiagnosticArray",
         topics.TF: "tf2_msgs/msg/TFMessage",
         topics.POSE: "geometry_msgs/msg/PoseWithCovarianceStamped",
+        topics.MAP: "nav_msgs/msg/OccupancyGrid",
+        topics.LINE: "nav_msgs/msg/Path",
     }
 )
 """Topics that carry CDR; the others are JSON (status, decision) or wallride's own format (beat)."""

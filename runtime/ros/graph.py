@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 from wallride.runtime.ros.definitions import TYPES
 from wallride.runtime.wire import topics
-from wallride.runtime.wire.rmw_zenoh import LATCHED, RosAccess, RosGraph, RosTopic
+from wallride.runtime.wire.rmw_zenoh import BEST_EFFORT, LATCHED, RosAccess, RosGraph, RosTopic
 
 TF_ODOM = "tf_odom"
 """Telemetry's name for odom to base_link alone, ROS 2's /tf: beside it /tf_static has base_link to laser."""
@@ -17,7 +17,11 @@ TF_STATIC = RosTopic("tf_static", TYPES[topics.TF], LATCHED)
 PUBLISHED: Mapping[str, RosTopic] = MappingProxyType(
     {
         SCAN_BY_BEAM: RosTopic(topics.SCAN, TYPES[topics.SCAN]),
-        **{topic: RosTopic(topic, schema) for topic, schema in TYPES.items() if topic not in {topics.TF, topics.SCAN}},
+        **{
+            topic: RosTopic(topic, schema, LATCHED if topic in topics.LASTING else BEST_EFFORT)
+            for topic, schema in TYPES.items()
+            if topic not in {topics.TF, topics.SCAN}
+        },
         TF_ODOM: RosTopic("tf", TYPES[topics.TF]),
     }
 )
@@ -38,5 +42,7 @@ def access(graph: RosGraph, *, drives: bool = False, scans: bool = False) -> Ros
 
     drives: commands are taken on /drive. scans: the lidar's scans come by the bus.
     """
-    keys = tuple(graph.data_key(topic) for topic in (*PUBLISHED.values(), TF_STATIC))
-    return RosAccess(graph.domain, keys, (graph.data_key(TF_STATIC),), graph.data_key(DRIVE) if drives else "", scans)
+    published = (*PUBLISHED.values(), TF_STATIC)
+    keys = tuple(graph.data_key(topic) for topic in published)
+    latched = tuple(graph.data_key(topic) for topic in published if topic.qos == LATCHED)
+    return RosAccess(graph.domain, keys, latched, graph.data_key(DRIVE) if drives else "", scans)

@@ -109,6 +109,32 @@ def pose(stamp_ns: int, x_m: float, y_m: float, yaw_rad: float, std_m: float, st
     return _POSE.fill(*split_time(stamp_ns), x_m, y_m, 0.0, *_quaternion(yaw_rad), *covariance)
 
 
+def occupancy_grid(
+    stamp_ns: int, values: npt.NDArray[np.int8], cell_m: float, corner: tuple[float, float, float]
+) -> bytes:
+    """Return nav_msgs/OccupancyGrid. values: (rows, columns), row 0 lowest in y: 0 free, 100 occupied, -1 unknown.
+
+    corner: x [m], y [m], yaw [rad] of the corner of cell (0, 0) in map.
+    """
+    out = _stamped(stamp_ns, MAP)
+    x_m, y_m, yaw_rad = corner
+    rows, columns = values.shape
+    out.put("iIfII", *split_time(stamp_ns), cell_m, columns, rows)
+    out.put("ddddddd", x_m, y_m, 0.0, *_quaternion(yaw_rad))
+    out.sequence("B", values.view(np.uint8))
+    return out.done()
+
+
+def path(stamp_ns: int, poses: Sequence[tuple[float, float, float, float]]) -> bytes:
+    """Return nav_msgs/Path in map. poses: time after the stamp [s], x [m], y [m], yaw [rad]."""
+    out = _stamped(stamp_ns, MAP)
+    out.put("I", len(poses))
+    for after_s, x_m, y_m, yaw_rad in poses:
+        header(out, stamp_ns + round(after_s * NS), MAP)
+        out.put("ddddddd", x_m, y_m, 0.0, *_quaternion(yaw_rad))
+    return out.done()
+
+
 def ackermann(stamp_ns: int, speed_mps: float, steering_rad: float) -> bytes:
     """Return ackermann_msgs/AckermannDriveStamped in base_link; rates and accelerations are 0: unspecified."""
     return _ACKERMANN.fill(*split_time(stamp_ns), steering_rad, 0.0, speed_mps, 0.0, 0.0)

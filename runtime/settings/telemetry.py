@@ -13,9 +13,9 @@ Rate = Annotated[float, Field(ge=0, le=200)]
 class RatesHz(Section):
     """Maximum rate of each topic; shaped for a Wi-Fi that ten cars share.
 
-    A subscriber to all topics receives 1.3 Mbit/s, 0.7 of it scans; topics without subscribers are not published. 200
-    is "every one", of output, distance_error, pose and imu; of everything else the newest, at most 20 or 25 a second,
-    because telemetry leaves in bursts.
+    A subscriber to all topics receives 1.3 Mbit/s, 0.7 of it scans, and on a map up to 0.4 more; topics without
+    subscribers are not published. 200 is "every one", of output, distance_error, pose and imu; of everything else the
+    newest, at most 20 or 25 a second, because telemetry leaves in bursts.
     """
 
     output: Rate = 200.0
@@ -42,6 +42,10 @@ class RatesHz(Section):
     """Maximum rate of the frames map, odom, base_link and laser; 0: off."""
     pose: Rate = 20.0
     """Maximum rate of the pose on the map; 0: off."""
+    map: Rate = 0.2
+    """Maximum rate at which the map is repeated; 0: off."""
+    line: Rate = 0.2
+    """Maximum rate at which the race line is repeated; 0: off."""
     motor: Rate = 20.0
     """Maximum rate of speed and steering as joint states; 0: off."""
     imu: Rate = 50.0

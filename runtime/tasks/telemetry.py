@@ -17,6 +17,7 @@ from typing import Any, Literal, Never
 from wallride.drivers.api import Scan
 from wallride.runtime.arbitration.command import Output
 from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.localization.gyro_odometry import GyroOdometry
 from wallride.runtime.control.localization.localizer import PoseEstimate
 from wallride.runtime.control.vehicle import CarSettings
@@ -26,6 +27,7 @@ from wallride.runtime.ros import messages
 from wallride.runtime.ros.definitions import TYPES
 from wallride.runtime.ros.graph import SCAN_BY_BEAM, TF_ODOM
 from wallride.runtime.ros.messages import Floats, Frame
+from wallride.runtime.telemetry import course_messages
 from wallride.runtime.telemetry import status as car_status
 from wallride.runtime.telemetry.sinks import Sink
 from wallride.runtime.telemetry.status import ObservedState
@@ -34,6 +36,7 @@ from wallride.runtime.wire import topics
 
 BY_SCAN = (topics.SCAN, SCAN_BY_BEAM)
 BY_GUIDANCE = (topics.WALL,)
+BY_POSE = (topics.MAP, topics.LINE)
 BY_MOTOR = (topics.ODOM, topics.TF, TF_ODOM, topics.MOTOR, topics.BATTERY)
 BY_OUTPUT = (
     topics.DECISION, topics.STATUS, topics.SAFETY, topics.NAVIGATION, topics.TELEOP, topics.JOY,
@@ -112,12 +115,19 @@ class Telemetry:
         self._odometry.take(stamp_s, turn_radps, acceleration_mps2)
         self._each.append((topics.IMU, stamp_s, partial(self._writers.imu, stamp_s, turn_radps, acceleration_mps2)))
 
+    def on_course(self, course: RaceCourse) -> None:
+        """Note the map and the line, which hold from here on. Takes its time: to be called before the drive."""
+        stamp_s = self._observed.clock()
+        told = course_messages.written(course, self._writers.unix_ns(stamp_s))
+        self._newest.lasting = {topic: (stamp_s, payload) for topic, payload in told.items()}
+
     def on_pose(self, estimate: PoseEstimate) -> None:
         """Note the pose on the map at a scan, and where odom lies on the map."""
         self._newest.odom_on_map = self._odom_on_map(estimate)
         if not math.isnan(estimate.slip_s2pm):
             self._odometry.scale, self._odometry.slip_s2pm = estimate.scale, estimate.slip_s2pm
         self._each.append((topics.POSE, estimate.stamp_s, partial(self._writers.pose, estimate)))
+        self._note(BY_POSE)
 
     def _odom_on_map(self, estimate: PoseEstimate) -> Frame | None:
         """Return odom in map; None while the car is not located. Odometry is carried on to the scan's stamp."""

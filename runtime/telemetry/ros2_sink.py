@@ -8,6 +8,7 @@ from wallride.runtime.ros.graph import DRIVE, PUBLISHED, SCAN_BY_BEAM, TF_ODOM, 
 from wallride.runtime.ros.messages import Frame
 from wallride.runtime.settings.telemetry import RatesHz
 from wallride.runtime.telemetry.sinks import TopicGate
+from wallride.runtime.wire import topics
 from wallride.runtime.wire.network import CDR, Network
 from wallride.runtime.wire.rmw_zenoh import RosGraph, attachment, gid
 
@@ -57,9 +58,13 @@ class Ros2Sink:
             return
         self._sequences[topic] = sequence = self._sequences.get(topic, 0) + 1
         note = attachment(sequence, self._wall_clock.unix_ns(stamp_s), publisher)
-        self._bus.put_attached(self._keys[topic], payload, encoding=CDR, attachment=note)
+        put = self._bus.put_latched if topic in topics.LASTING else self._bus.put_attached
+        put(self._keys[topic], payload, encoding=CDR, attachment=note)
 
     def _is_wanted(self, topic: str) -> bool:
+        """Tell whether a topic has a subscriber; one whose message is kept for late ones is wanted once."""
+        if topic in topics.LASTING:
+            return topic in self._gids and topic not in self._sequences
         return self._bus.wanted(self._keys[topic], encoding=CDR)
 
     def _join(self) -> None:

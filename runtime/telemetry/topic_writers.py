@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from wallride.drivers.api import LinkState, MotorState, Scan
@@ -36,6 +36,7 @@ class Newest:
     output: Output | None = None
     motor: MotorState | None = None
     odom_on_map: Frame | None = None
+    lasting: Mapping[str, Message] = field(default_factory=dict)
 
 
 def laser_frame(car: CarSettings) -> Frame:
@@ -86,6 +87,8 @@ class TopicWriters:
             topics.DIAGNOSTICS: self._diagnostics,
             topics.STATUS: self._status,
             topics.DECISION: self._decision,
+            topics.MAP: lambda: self._newest.lasting.get(topics.MAP),
+            topics.LINE: lambda: self._newest.lasting.get(topics.LINE),
         }
 
     def write(self, topic: str) -> Message | None:

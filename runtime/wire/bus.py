@@ -350,7 +350,10 @@ def _priority(key: str, *, urgent: bool) -> "zenoh.Priority":
 
     if urgent:
         return zenoh.Priority.REAL_TIME
-    return zenoh.Priority.DATA_LOW if key.rpartition("/")[2] in topics.BULK else zenoh.Priority.DATA_HIGH
+    topic = key.rpartition("/")[2]
+    if topic in topics.LASTING:
+        return zenoh.Priority.BACKGROUND
+    return zenoh.Priority.DATA_LOW if topic in topics.BULK else zenoh.Priority.DATA_HIGH
 
 
 async def _reply(key: str, reply: Reply, query: "zenoh.Query") -> None:

@@ -57,7 +57,7 @@ class CarBus(Bus):
                 key,
                 encoding=zenoh.Encoding(encoding),
                 congestion_control=zenoh.CongestionControl.DROP,
-                priority=zenoh.Priority.DATA_HIGH,
+                priority=zenoh.Priority.BACKGROUND,  # whose queue it fits as a whole
                 cache=ext.CacheConfig(max_samples=1),
                 publisher_detection=True,
             )

@@ -14,8 +14,8 @@ ReceiveAttached = Callable[[bytes, bytes | None, float], None]
 Reply = Callable[[bytes], bytes | Awaitable[bytes]]
 Changed = Callable[[str, bool], None]
 
-MAX_SAMPLE_BYTES = 65536
-"""Maximum size of an accepted sample; telemetry's largest, a scan of 4321 beams, has 17 kB."""
+MAX_SAMPLE_BYTES = 96 << 10
+"""Maximum size of an accepted sample. Telemetry's largest is a map, which is made to fit."""
 
 
 class RefusedError(Exception):

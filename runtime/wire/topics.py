@@ -37,12 +37,17 @@ BATTERY = "battery"
 DIAGNOSTICS = "diagnostics"
 TF = "tf"
 POSE = "pose"
+MAP = "map"
+LINE = "line"
 STATUS = "status"
 DECISION = "decision"
 BEAT = "beat"
 
 BULK = frozenset({SCAN, WALL, FOOTPRINT})
 """Topics that a slow link loses first."""
+LASTING = frozenset({MAP, LINE})
+"""Topics whose one message holds until the car's end. It leaves behind all others, is recorded once in each file, and
+is kept for late subscribers of ROS 2."""
 JSON_TOPICS = (STATUS, DECISION)
 """Topics of telemetry in JSON; the others are ROS 2 messages (wallride.runtime.ros.definitions.TYPES)."""
 

@@ -30,7 +30,8 @@ zenoh's own 5 s it could hold up the loop as well: messages of one priority to o
 BATCH_B = 8192
 """Size up to which zenoh sends messages as one; a scan has 4.4 kB, one of more beams is divided."""
 PIECE_BATCHES = 12
-"""Size of the queue of answers: a piece of a recording, 64 KiB, has to fit, or it would never arrive."""
+"""Size of the queues of answers and of `topics.LASTING`: a piece of a recording, 64 KiB, and a map, 96 KiB, have to fit
+as a whole, or over a slow link they would never arrive."""
 SCAN_BATCHES = 3
 """Size of the queue of topics in bulk: a scan of 4321 beams has to fit."""
 SEND_BUFFER_B = 8192
@@ -168,7 +169,7 @@ def keep_little(link: dict[str, Any]) -> None:
     link["tx"] |= {
         "batch_size": BATCH_B,
         "queue": {
-            "size": {"interactive_low": PIECE_BATCHES, "data_low": SCAN_BATCHES},
+            "size": {"interactive_low": PIECE_BATCHES, "data_low": SCAN_BATCHES, "background": PIECE_BATCHES},
             "congestion_control": {
                 "drop": {"max_wait_before_drop_fragments": MAX_FRAGMENTS_US},
                 "block": {"wait_before_close": MAX_BLOCKED_US},

@@ -1,7 +1,8 @@
 """The live view of a drive: `terminal_view` refreshed on a rich screen while the session runs."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -78,6 +79,7 @@ class LiveView:
             reason=output.get("reason", "") or starting(record),
             lidar=said.get("lidar", {}).get("message", ""),
             motor=said.get("motor", {}).get("message", ""),
+            race=lap_words((said.get("pose") or {}).get("race") or {}),
             page=address_in(record.page),
             port=port_notice(record.address, record.listen),
             operate=operate_hint(record.address).partition(": ")[2],
@@ -91,6 +93,14 @@ class LiveView:
         beams = len(ranges_m)
         bearing_rad = lidar.yaw_rad + (np.arange(beams) - beams // 2) * math.radians(0.25)
         return np.column_stack([lidar.x_m + ranges_m * np.cos(bearing_rad), lidar.y_m + ranges_m * np.sin(bearing_rad)])
+
+
+def lap_words(race: Mapping[str, Any]) -> str:
+    """Return the lap of a race and how the last one was, "" where no line is driven."""
+    if not race or not race["laps"]:
+        return "lap 1" if race else ""
+    times = f"the last one {race['time_s']:.2f} s, the best {race['best_s']:.2f} s"
+    return f"lap {race['laps'] + 1}; {times}; {100 * race['rms_m']:.1f} cm from the line (rms)"
 
 
 def starting(record: Record) -> str:

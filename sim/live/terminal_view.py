@@ -124,6 +124,7 @@ class ViewStatus:
     reason: str
     lidar: str
     motor: str
+    race: str = ""
     page: str = ""
     port: str = ""
     operate: str = ""
@@ -138,6 +139,7 @@ def status_rows(status: ViewStatus) -> list[tuple[str, str]]:
         ("distance error", _number(status.distance_error_m, "+8.3f", "m")),
         ("who decides", status.winner or NO_WINNER),
         ("because", status.reason or "-"),
+        *([("race", status.race)] if status.race else []),
         ("lidar", status.lidar or "-"),
         ("motor", status.motor or "-"),
         *([("browser", status.page)] if status.page else []),

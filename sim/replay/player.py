@@ -27,6 +27,7 @@ class Player:
         self._messages = sorted(played, key=lambda message: message.stamp_ns)
         zero_ns = self._messages[0].stamp_ns if self._messages else 0
         self._times_s = [(message.stamp_ns - zero_ns) / NS for message in self._messages]
+        self._lasting = [at for at, message in enumerate(self._messages) if message.topic in topics.LASTING]
         self._clock = clock
         self._last_s = clock()
         self._next = 0
@@ -60,7 +61,8 @@ class Player:
 
     def picture(self) -> list[LoggedMessage]:
         """Return the newest message of each topic at the position."""
-        newest: dict[str, LoggedMessage] = {}
+        lasting = [at for at in self._lasting if at < self._next]
+        newest = {self._messages[at].topic: self._messages[at] for at in lasting}
         for at in range(self._next - 1, -1, -1):
             if self._times_s[at] < self.position_s - PAST_S or len(newest) == len(PLAYED):
                 break

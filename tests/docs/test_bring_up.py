@@ -65,6 +65,7 @@ BY_OTHER_TESTS = {
     "sudo sh install.sh": "tests/docs/test_five_steps.py",
     "wallride emulate": "tests/docs/test_five_steps.py",
     "make sim": "tests/docs/test_makefile.py",
+    "make race": "tests/docs/test_makefile.py",
     "make test": "tests/docs/test_makefile.py",
     "make check": "tests/docs/test_makefile.py",
     "systemctl status wallride": "tests/wallride/test_service.py",

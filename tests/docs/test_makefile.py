@@ -4,6 +4,7 @@ import subprocess
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+LINE = "build/race/lap.line.csv"
 
 
 def test_the_set_up_is_announced_and_not_silent():
@@ -19,13 +20,26 @@ def test_the_set_up_is_announced_and_not_silent():
 
 def test_what_the_two_commands_do_once_all_is_set_up():
     done = [word for name in ("ready", "kernel", "bytecode") for word in ("-o", f".venv/.{name}")]
+    done += ["-o", LINE]
     recipes = {
         goal: subprocess.run(
             ["make", "--no-print-directory", "-n", *done, goal],
             cwd=ROOT, capture_output=True, text=True, check=True,
         ).stdout.splitlines()
-        for goal in ("sim", "test", "check")
+        for goal in ("sim", "race", "test", "check")
     }  # fmt: skip
     assert recipes["sim"] == [".venv/bin/wallride sim "]
+    assert recipes["race"] == [".venv/bin/wallride sim --race build/race/lap.yaml --laps 10 "]
     assert recipes["test"] == [".venv/bin/pytest -q -rfER -n 4 --dist worksteal --quick "]
     assert recipes["check"][0] == ".venv/bin/ruff format --check ."
+
+
+def test_a_race_drives_and_maps_a_lap_first_and_only_once(tmp_path):
+    for made, steps in (False, ["sim", "map", "line"]), (True, []):
+        if made:
+            (tmp_path / "lap.line.csv").touch()
+        told = subprocess.run(
+            ["make", "-n", "-o", ".venv/.kernel", f"RACE={tmp_path}", f"{tmp_path}/lap.line.csv"],
+            cwd=ROOT, capture_output=True, text=True, check=True,
+        ).stdout.splitlines()  # fmt: skip
+        assert [line.split()[1] for line in told if line.startswith(".venv/bin/wallride ")] == steps

@@ -16,15 +16,23 @@ from wallride.runtime.wire import topics
 PUBLISHED = {*TYPES, *topics.JSON_TOPICS}
 APPENDED = {topics.OUTPUT, topics.DISTANCE_ERROR, topics.IMU, topics.POSE}
 """Every message of these is sent: `Telemetry` appends them to `_each`."""
-SENT = {*telemetry.BY_SCAN, *telemetry.BY_GUIDANCE, *telemetry.BY_MOTOR, *telemetry.BY_OUTPUT, *APPENDED} - {
-    TF_ODOM,
-    SCAN_BY_BEAM,
+SENT = {
+    *telemetry.BY_SCAN, *telemetry.BY_GUIDANCE, *telemetry.BY_MOTOR, *telemetry.BY_OUTPUT, *telemetry.BY_POSE,
+    *APPENDED,
+} - {TF_ODOM, SCAN_BY_BEAM}  # fmt: skip
+WITHOUT_NUMBER = {
+    topics.SCAN,
+    topics.TF,
+    topics.WALL,
+    topics.FOOTPRINT,
+    topics.DIAGNOSTICS,
+    topics.JOY,
+    *topics.LASTING,
 }
-WITHOUT_NUMBER = {topics.SCAN, topics.TF, topics.WALL, topics.FOOTPRINT, topics.DIAGNOSTICS, topics.JOY}
 """Topics that have no one number to plot."""
 LISTS = {
     "RatesHz in runtime/settings/telemetry.py": (set(RatesHz.model_fields), PUBLISHED),
-    "BY_SCAN, BY_GUIDANCE, BY_MOTOR or BY_OUTPUT in runtime/tasks/telemetry.py (or APPENDED of this test)": (
+    "BY_SCAN, BY_GUIDANCE, BY_MOTOR, BY_OUTPUT or BY_POSE in runtime/tasks/telemetry.py (or APPENDED of this test)": (
         SENT, PUBLISHED,
     ),
     "PERIODS_S in runtime/recording/recorder.py": (set(PERIODS_S) | {topics.SCAN}, PUBLISHED),

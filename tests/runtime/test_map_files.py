@@ -44,6 +44,15 @@ def test_a_map_of_another_program_has_walls_at_its_cells_and_no_start(tmp_path):
     assert field.offsets_m[left] == pytest.approx(-0.4), "the left wall, seen from the right"
 
 
+def test_a_map_is_shown_as_its_file_has_it(tmp_path):
+    grid = read_map(write(tmp_path, box())).grid
+    assert (grid.cell_m, grid.corner_m) == (0.05, -1.0 - 2.0j)
+    upper_left = grid.values[60 - 14 : 60 - 9, 9:14]  # image rows run down
+    assert upper_left.tolist() == [
+        [-1, 100, 100, 0, 0], [-1, 100, 100, -1, -1], [-1, 100, 100, 100, 100], [-1, 100, 100, 100, 100], [-1] * 5,
+    ]  # fmt: skip
+
+
 def test_the_walls_beside_a_map_are_taken_with_scale_and_start(tmp_path):
     path = write(tmp_path, box())
     points = WallPoints(np.array([complex(x_m, -1.393) for x_m in np.linspace(-0.3, 2.3, 50)]), np.full(50, 1j))

@@ -8,9 +8,10 @@ from zenoh import ext
 
 from tests.system.test_attacks import PEOPLE, keys, tls  # noqa: F401 - keys is a fixture
 from wallride.runtime.ros.graph import PUBLISHED, SCAN_BY_BEAM, TF_ODOM, TF_STATIC, access
+from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.car_bus import CarBus
-from wallride.runtime.wire.network import CDR
+from wallride.runtime.wire.network import CDR, MAX_SAMPLE_BYTES
 from wallride.runtime.wire.ports import free_endpoint
 from wallride.runtime.wire.rmw_zenoh import GRAPH as TOKENS
 from wallride.runtime.wire.rmw_zenoh import Distro, RosGraph, attachment
@@ -20,6 +21,7 @@ pytestmark = pytest.mark.timeout(90)
 DOMAIN = 7
 GRAPH = RosGraph(DOMAIN, Distro.JAZZY, "wallride_car1")
 SCAN_KEY, STATIC_KEY = GRAPH.data_key(PUBLISHED[SCAN_BY_BEAM]), GRAPH.data_key(TF_STATIC)
+MAP_KEY, LARGEST_MAP = GRAPH.data_key(PUBLISHED[topics.MAP]), bytes(MAX_SAMPLE_BYTES - 1024)
 NOTE = attachment(1, 1, bytes(16))
 
 
@@ -36,6 +38,7 @@ async def guarded(keys):  # noqa: F811 - the fixture
     await car.open()
     car.announce(GRAPH.node_token(car.session_id))
     car.put_latched(STATIC_KEY, b"fixed", encoding=CDR, attachment=NOTE)
+    car.put_latched(MAP_KEY, LARGEST_MAP, encoding=CDR, attachment=NOTE)
     viewer = Bus(client_config(endpoint, tls(keys, "dave")))
     await viewer.open()
     try:
@@ -51,16 +54,19 @@ async def test_a_viewer_sees_the_graph_gets_data_and_what_is_kept_also_when_it_c
     viewer.subscribe(SCAN_KEY, lambda key, payload, _: got.append(payload))
     viewer.watch(f"{TOKENS}/{DOMAIN}/**", lambda key, alive: graph.add(key))
     session = viewer._open_session
-    late = ext.declare_advanced_subscriber(  # as rmw_zenoh declares a transient local subscription
-        session, STATIC_KEY, lambda sample: kept.append((sample.payload.to_bytes(), sample.attachment.to_bytes())),
-        history=ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
-    )  # fmt: skip
+    late = [
+        ext.declare_advanced_subscriber(  # as rmw_zenoh declares a transient local subscription
+            session, key, lambda sample: kept.append((sample.payload.to_bytes(), sample.attachment.to_bytes())),
+            history=ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
+        )
+        for key in (STATIC_KEY, MAP_KEY)
+    ]  # fmt: skip
     async with asyncio.timeout(5):
-        while not (got and graph and kept):
+        while not (got and graph and len(kept) == 2):
             car.put_attached(SCAN_KEY, b"scan", encoding=CDR, attachment=NOTE)
             await asyncio.sleep(0.02)
     assert (set(got), graph) == ({b"scan"}, {GRAPH.node_token(car.session_id)})
-    assert kept == [(b"fixed", NOTE)]
+    assert sorted(kept, key=lambda one: len(one[0])) == [(b"fixed", NOTE), (LARGEST_MAP, NOTE)]
     del late
 
 
@@ -84,7 +90,7 @@ async def test_a_viewer_neither_publishes_on_a_ros_2_key_nor_invents_a_node_nor_
         lambda: list(car._open_session.get(f"{STATIC_KEY}/@adv/**?_anyke", zenoh.handlers.FifoChannel(8), timeout=1.0))
     )
     car.poll()
-    assert set(reached) <= {b"last", b"fixed"}, "its own"
+    assert set(reached) <= {b"last", b"fixed", LARGEST_MAP}, "its own"
     assert reached, "the car's ears are open"
     assert asked == []
     assert [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None] == [b"fixed"]

@@ -71,6 +71,8 @@ def test_a_car_drives_the_line_of_its_map_and_decides_the_same_to_the_bit(folder
     assert on_line[-1]["speed_mps"] > 2.0
     assert twin.vehicle.speed_mps == 0.0, "the drive ends once the car stands"
     assert car.status()["pose"]["race"]["speed_share"] == 1.0
+    heard = [len(payload) for key, payload in car.bus.heard if key.rpartition("/")[2] == "line"]
+    assert len(heard) == 2, "at once, and again after 5 s"
     verdict = reenact(read_log(here / "race.mcap"))
     assert (verdict.first, verdict.exact, verdict.notes) == (None, True, [])
     assert verdict.answers > 250

@@ -44,6 +44,8 @@ MEANINGS: Final[Mapping[str, str]] = {
     topics.ODOM: "pose in `odom` and speed of the rear axle, by the wheels and a gyro, or without one the steering",
     topics.TF: "the transforms `odom` to `base_link`, `base_link` to `laser`, and while it is known `map` to `odom`",
     topics.POSE: "pose of the rear axle in `map`, while the car is located on the map of `map.file`",
+    topics.MAP: "the map of `map.file`, frame `map`, of coarser cells where it is large; repeated, for new readers",
+    topics.LINE: "its race line, frame `map`: a pose's stamp is the line's own time there; repeated likewise",
     topics.MOTOR: "joint `drive`: way, speed, motor current; joint `steering`: the commanded angle",
     topics.IMU: "the motor controller's angular rates and accelerations, in `base_link`",
     topics.BATTERY: "voltage and input current of the motor controller",

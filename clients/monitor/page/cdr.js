@@ -137,6 +137,16 @@ function readMarker(item) {
   reader.u8();
 }
 
+/** Reads a geometry_msgs/Pose in the plane. */
+function readPose(into) {
+  into.x = reader.f64();
+  into.y = reader.f64();
+  reader.skip(8, 3, 8);
+  const z = reader.f64();
+  const w = reader.f64();
+  into.yaw = 2 * Math.atan2(z, w);
+}
+
 /** nav_msgs/Odometry, in the plane. */
 export class Odometry {
   stamp = 0; x = 0; y = 0; yaw = 0; speed = NaN;
@@ -145,14 +155,70 @@ export class Odometry {
     reader.begin(view, start, length);
     this.stamp = reader.stamp();
     reader.skipText();
-    this.x = reader.f64();
-    this.y = reader.f64();
-    reader.skip(8, 3, 8);
-    const z = reader.f64();
-    const w = reader.f64();
-    this.yaw = 2 * Math.atan2(z, w);
+    readPose(this);
     reader.skip(8, 36, 8);
     this.speed = reader.f64();
+  }
+}
+
+/** geometry_msgs/PoseWithCovarianceStamped, in the plane. */
+export class Pose {
+  stamp = 0; x = 0; y = 0; yaw = 0;
+
+  read(view, start, length) {
+    reader.begin(view, start, length);
+    this.stamp = reader.stamp();
+    readPose(this);
+  }
+}
+
+/** nav_msgs/OccupancyGrid. x, y, yaw: of the corner of the first cell. It comes again and again: the same one is kept. */
+export class Grid {
+  stamp = 0; cell = 0; width = 0; height = 0; x = 0; y = 0; yaw = 0;
+  cells = new Int8Array(0);
+
+  read(view, start, length) {
+    reader.begin(view, start, length);
+    const stamp = reader.stamp();
+    if (stamp === this.stamp) return;
+    reader.skip(4, 2, 4);
+    this.cell = reader.f32();
+    this.width = reader.u32();
+    this.height = reader.u32();
+    readPose(this);
+    const count = reader.count(1);
+    if (count !== this.width * this.height) throw new RangeError("a map of another size than it says");
+    this.cells = new Int8Array(view.buffer.slice(view.byteOffset + reader.at, view.byteOffset + reader.at + count));
+    this.stamp = stamp;
+  }
+}
+
+const place = { x: 0, y: 0, yaw: 0 };
+
+/** nav_msgs/Path whose stamps are the times of a lap. speed: from each point to the next one [m/s]. */
+export class Path {
+  stamp = 0; n = 0;
+  xy = new Float64Array(0);
+  speed = new Float64Array(0);
+
+  read(view, start, length) {
+    reader.begin(view, start, length);
+    const stamp = reader.stamp();
+    if (stamp === this.stamp) return;
+    const n = reader.count(72);
+    this.xy = new Float64Array(2 * n);
+    this.speed = new Float64Array(n);
+    for (let i = 0, lastS = 0; i < n; i++) {
+      const atS = reader.i32() - Math.floor(stamp) + reader.u32() * 1e-9; // small numbers are exact
+      reader.skipText();
+      readPose(place);
+      if (i) this.speed[i - 1] = Math.hypot(place.x - this.xy[2 * i - 2], place.y - this.xy[2 * i - 1]) / (atS - lastS);
+      this.xy[2 * i] = place.x;
+      this.xy[2 * i + 1] = place.y;
+      lastS = atS;
+    }
+    this.n = n;
+    this.stamp = stamp;
   }
 }
 

@@ -28,6 +28,8 @@ export class Condition {
     this.#line("window", window.length ? "warn" : "good", window.length ? windowWords(window) : "none");
     setHidden($("line-pose"), !status.pose?.map);
     if (status.pose?.map) this.#line("pose", POSE_MOODS[status.pose.whereabouts] ?? "plain", poseWords(status.pose));
+    setHidden($("line-race"), !status.pose?.race);
+    if (status.pose?.race) this.#line("race", "plain", raceWords(status.pose.race));
     this.#line("own-parts", "plain", ownPartsWords(status.own_parts?.patches ?? []));
     this.#line("fault", status.fault ? "bad" : "good", status.fault || "none");
     this.#battery(status.battery);
@@ -199,6 +201,11 @@ function poseWords(pose) {
   if (pose.whereabouts !== "located") return `on ${pose.map}: ${pose.whereabouts === "lost" ? "lost, it is looked for everywhere" : "being looked for"}`;
   const fits = pose.fits === null ? "" : `, ${number(100 * pose.fits, 0)} % of the beams fit`;
   return `on ${pose.map}: x ${number(pose.x_m, 2)} m, y ${number(pose.y_m, 2)} m, ${number((180 / Math.PI) * pose.yaw_rad, 0)}°, known to ${number(100 * pose.std_m, 0)} cm${fits}`;
+}
+
+function raceWords({ laps, time_s: last, best_s: best, rms_m: rms, p99_m: p99, speed_share: share }) {
+  const now = `lap ${laps + 1}, at ${number(100 * share, 0)} % of the line's speed`;
+  return laps ? `${now}; the last one ${number(last, 2)} s, the best ${number(best, 2)} s; ${number(100 * rms, 1)} cm from the line (rms), ${number(100 * p99, 0)} cm in 99 % of it` : now;
 }
 
 function ownPartsWords(patches) {

@@ -1,7 +1,7 @@
 // The way to the server: one WebSocket that comes back by itself. Takes bundles apart (clients/monitor/outbox.py) and
 // acknowledges them; a hidden page does not, so that nothing is sent to it.
 
-import { Beat, Drive, Float, Json, Markers, Odometry, Scan } from "./cdr.js";
+import { Beat, Drive, Float, Grid, Json, Markers, Odometry, Path, Pose, Scan } from "./cdr.js";
 
 const SOONEST_MS = 200;
 const LATEST_MS = 2000;
@@ -14,6 +14,7 @@ export class Link {
   newest = {
     scan: new Scan(), wall: new Markers(), footprint: new Markers(), odom: new Odometry(), output: new Drive(),
     distance_error: new Float(), status: new Json(), decision: new Json(), beat: new Beat(), pilot: new Json(),
+    pose: new Pose(), map: new Grid(), line: new Path(),
     monitor: new Json(), fleet: new Json(), calibration: new Json(),
   };
   /** When what we have of a topic left the car, on this page's clock [ms]; as well as one can know without clocks. */

@@ -21,7 +21,7 @@ import { Timings } from "./timings.js";
 
 const OLD_MS = 500;
 const AGES_MS = 100;
-const CAR_TOPICS = ["scan", "wall", "footprint", "odom", "output", "distance_error", "status", "decision", "beat"];
+const CAR_TOPICS = ["scan", "wall", "footprint", "odom", "output", "distance_error", "status", "decision", "beat", "pose", "map", "line"];
 
 const link = new Link();
 const scene = new Scene($("scene"), link);
@@ -82,8 +82,12 @@ function takeNews(topic) {
       scene.takeFootprint(message, nowMs);
       scene.dirty = true;
       break;
+    case "pose":
+      scene.course.takePose(message);
+      scene.takePlace(message, true, nowMs);
+      break;
     case "odom":
-      scene.takeOdometry(message);
+      scene.takePlace(message, false, nowMs);
       plots.push(plots.speed, 2, nowMs, message.speed);
       break;
     case "output":
@@ -121,6 +125,7 @@ function takeNews(topic) {
 function takeStatus(status, nowMs) {
   condition.showStatus(status);
   scene.takeWindow(status.window ?? []);
+  scene.course.takeStatus(status.pose ?? {});
   mux.show(status, link.ageMs("decision") < OLD_MS ? link.newest.decision.value : null);
   plots.push(plots.latency, 0, nowMs, status.scan_to_motor_ms?.p99 ?? NaN);
   const measured = status.speed_mps;

@@ -1,6 +1,7 @@
 // The top view: the car stands still and looks up, the world moves. Frame base_link: x forward (up), y left.
 
 import { Beams, DIRT, ECHO, OWN, STRAY } from "./beams.js";
+import { Course } from "./course.js";
 import { fit, ink, onLook, ratioOf } from "./look.js";
 
 const SCALES = [15, 22, 32, 46, 64, 90, 130, 190];
@@ -23,6 +24,7 @@ export class Scene {
   /** Where the lidar is in base_link [m]; told by the car's settings. */
   lidar = { x: 0.27, y: 0 };
   beams = new Beams();
+  course;
   #canvas;
   #context;
   #link;
@@ -34,11 +36,13 @@ export class Scene {
   #trail = new Float64Array(2 * TRAIL);
   #trailNext = 0;
   #trailCount = 0;
+  #trailOnMap = false;
 
   constructor(canvas, link) {
     this.#canvas = canvas;
     this.#context = canvas.getContext("2d", { alpha: true });
     this.#link = link;
+    this.course = new Course(link);
     onLook(() => { this.dirty = true; });
     new ResizeObserver(() => { this.dirty = true; }).observe(canvas);
     canvas.addEventListener("wheel", (event) => { event.preventDefault(); this.zoom(event.deltaY < 0 ? 1 : -1); }, { passive: false });
@@ -49,15 +53,23 @@ export class Scene {
     this.dirty = true;
   }
 
-  forgetWay() { this.#trailCount = 0; }
+  /** Forgets where the car was, and on which map. */
+  forgetWay() {
+    this.#trailCount = 0;
+    this.course.forget();
+  }
 
-  takeOdometry(odom) {
+  /** Takes where the car is: by its odometry, and while it is located on a map by its pose there. */
+  takePlace({ x, y }, onMap, nowMs) {
+    if (!onMap && this.course.isLocated(nowMs)) return;
+    if (onMap !== this.#trailOnMap) this.#trailCount = 0;
+    this.#trailOnMap = onMap;
     const last = 2 * ((this.#trailNext + TRAIL - 1) % TRAIL);
-    const step = this.#trailCount ? Math.hypot(odom.x - this.#trail[last], odom.y - this.#trail[last + 1]) : Infinity;
+    const step = this.#trailCount ? Math.hypot(x - this.#trail[last], y - this.#trail[last + 1]) : Infinity;
     if (step < TRAIL_STEP_M) return;
     if (Number.isFinite(step) && step > 2) this.#trailCount = 0; // the car restarted: its odometry begins anew
-    this.#trail[2 * this.#trailNext] = odom.x;
-    this.#trail[2 * this.#trailNext + 1] = odom.y;
+    this.#trail[2 * this.#trailNext] = x;
+    this.#trail[2 * this.#trailNext + 1] = y;
     this.#trailNext = (this.#trailNext + 1) % TRAIL;
     this.#trailCount = Math.min(TRAIL, this.#trailCount + 1);
   }
@@ -78,8 +90,9 @@ export class Scene {
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, canvas.width, canvas.height);
     this.#grid(originX, originY, scale, ratio);
-    this.#way(originX, originY, scale, ratio);
-    const { scan, wall, footprint } = this.#link.newest;
+    const { scan, wall, footprint, odom } = this.#link.newest, pose = this.course.poseAt(scan.stamp, nowMs);
+    this.#way(this.#trailOnMap ? pose : odom, originX, originY, scale, ratio);
+    this.course.draw(context, pose, originX, originY, scale, ratio, nowMs);
     if (this.#link.ageMs("footprint", nowMs) < 5000) this.#sweep(footprint, originX, originY, scale);
     if (scan.n) this.#points(scan, nowMs, originX, originY, scale, ratio);
     this.#sectors(originX, originY, scale, ratio);
@@ -111,16 +124,16 @@ export class Scene {
     context.stroke();
   }
 
-  #way(x0, y0, scale, ratio) {
-    if (this.#trailCount < 2) return;
-    const context = this.#context, { odom } = this.#link.newest;
-    const cos = Math.cos(odom.yaw), sin = Math.sin(odom.yaw);
+  #way(place, x0, y0, scale, ratio) {
+    if (this.#trailCount < 2 || !place) return;
+    const context = this.#context;
+    const cos = Math.cos(place.yaw), sin = Math.sin(place.yaw);
     context.strokeStyle = ink.faint;
     context.lineWidth = 2 * ratio;
     context.beginPath();
     for (let k = 0; k < this.#trailCount; k++) {
       const i = 2 * ((this.#trailNext - 1 - k + 2 * TRAIL) % TRAIL);
-      const dx = this.#trail[i] - odom.x, dy = this.#trail[i + 1] - odom.y;
+      const dx = this.#trail[i] - place.x, dy = this.#trail[i + 1] - place.y;
       const x = x0 - (cos * dy - sin * dx) * scale, y = y0 - (cos * dx + sin * dy) * scale;
       if (k) context.lineTo(x, y);
       else context.moveTo(x, y);

@@ -22,17 +22,18 @@ RESTS_S: Final = 2.0
 
 @value()
 class LapErrors:
-    """Lateral errors of a lap: how many laps are done, the last one's time, and rms, 99 % and largest of its errors."""
+    """Number of laps done, the last one's time with rms, 99 % and largest of its lateral errors, and the best time."""
 
     laps: int = 0
     time_s: float = math.nan
     rms_m: float = math.nan
     p99_m: float = math.nan
     largest_m: float = math.nan
+    best_s: float = math.nan
 
 
 class LapMemory:
-    """Counts the laps of a line of `length_m` from where it is joined."""
+    """Counts the laps of a line of `length_m` from where it is joined. since_s: begin of this one, NaN without one."""
 
     def __init__(self, length_m: float) -> None:
         self._length_m = length_m
@@ -41,13 +42,13 @@ class LapMemory:
 
     def begin(self) -> None:
         """Begin a lap here, whatever there was of one."""
-        self._way_m, self._along_m, self._since_s = 0.0, math.nan, math.nan
+        self._way_m, self._along_m, self.since_s = 0.0, math.nan, math.nan
         self._errors_m: list[float] = []
 
     def take(self, stamp_s: float, along_m: float, aside_m: float) -> bool:
         """Take in a scan's place on the line; return whether a lap is complete with it."""
         if math.isnan(self._along_m):
-            self._along_m, self._since_s = along_m, stamp_s
+            self._along_m, self.since_s = along_m, stamp_s
         moved_m = math.remainder(along_m - self._along_m, self._length_m)
         if abs(moved_m) > MOVED_M:  # a car that stands on its line for hours remembers nothing of it
             self._way_m += moved_m
@@ -55,13 +56,13 @@ class LapMemory:
             self._errors_m.append(abs(aside_m))
         if self._way_m < self._length_m:
             return False
-        errors_m = np.array(self._errors_m)
+        errors_m, took_s = np.array(self._errors_m), stamp_s - self.since_s
         self.last = LapErrors(
-            self.last.laps + 1, stamp_s - self._since_s, float(np.sqrt(np.mean(errors_m**2))),
-            float(np.percentile(errors_m, 99)), float(errors_m.max()),
+            self.last.laps + 1, took_s, float(np.sqrt(np.mean(errors_m**2))), float(np.percentile(errors_m, 99)),
+            float(errors_m.max()), float(np.fmin(took_s, self.last.best_s)),
         )  # fmt: skip
         self._way_m -= self._length_m
-        self._since_s, self._errors_m = stamp_s, []
+        self.since_s, self._errors_m = stamp_s, []
         return True
 
 

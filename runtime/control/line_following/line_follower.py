@@ -87,8 +87,8 @@ class LineFollower:
 
     @property
     def figures(self) -> Mapping[str, Any]:
-        """Return laps, the last one's time and lateral errors, and the share of the line's speed of the next one."""
-        return {**asdict(self._laps.last), "speed_share": self._build_up.share}
+        """Return laps, the last one's errors, when this one began, and its share of the line's speed."""
+        return {**asdict(self._laps.last), "began_s": self._laps.since_s, "speed_share": self._build_up.share}
 
     @property
     def _line(self) -> CourseLine | None:

@@ -44,6 +44,16 @@ class MapCells:
     turn: complex = 1.0 + 0.0j
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class MapGrid:
+    """The cells of a map as its file has them, for drawings: 0 free, 100 a wall, -1 unknown; else as `MapCells`."""
+
+    values: npt.NDArray[np.int8]
+    cell_m: float
+    corner_m: complex
+    turn: complex = 1.0 + 0.0j
+
+
 def points_of_cells(cells: MapCells) -> WallPoints:
     """Return the middles of all edges between a wall's cell and a free one."""
     places, normals = [], []

@@ -41,6 +41,7 @@ class FakeCar:
     """Serves until closed. autonomy: whether navigation always wants to drive. simulated: whether a simulator answers.
 
     history: (time, speed) whenever the speed on the wire changed. scans: how many were published. car: its measures.
+    pose: that of the status. course: functions that write what it tells of its map at a time since 1970, by topic.
     """
 
     def __init__(
@@ -63,6 +64,7 @@ class FakeCar:
         self.standing = True
         self.odom = {"x_m": 0, "y_m": 0, "yaw_rad": 0}
         self.overruled = None
+        self.pose, self.course = {}, {}
         self.condition = {}
         self.computer = {"temperature_c": None, "zone": "", "trouble": ""}
         self.applied = []
@@ -169,7 +171,10 @@ class FakeCar:
         self.scans += 1
         ranges_m = corridor(self.scans)
         scan = Scan(now_s, now_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, ranges_m, self.scans)
-        self._put(topics.SCAN, messages.laser_scan(time.time_ns(), scan, SCAN_S))
+        stamp_ns = time.time_ns()
+        for topic, write in self.course.items():
+            self._put(topic, write(stamp_ns))
+        self._put(topics.SCAN, messages.laser_scan(stamp_ns, scan, SCAN_S))
 
     def _put(self, topic, payload):
         with contextlib.suppress(ConnectionError):
@@ -201,7 +206,7 @@ class FakeCar:
             "motor": {"link": "ready", "message": "VESC 60", "identity": "", "counts": {"missed_reply": 2}},
             "condition": self.condition, "window": WINDOW, "computer": self.computer, "link": {}, "scans": self.scans,
             "scan_to_motor_ms": {"p50": 1.1, "p99": 2.2, "max": 3.3},
-            "distance_error": {"mean_abs_m": 0.021, "rms_m": 0.03}, "odom": self.odom,
+            "distance_error": {"mean_abs_m": 0.021, "rms_m": 0.03}, "odom": self.odom, "pose": self.pose,
         }  # fmt: skip
 
 

@@ -5,12 +5,16 @@ import logging
 import re
 from collections import Counter
 
+import numpy as np
 import pytest
 
 from tests.runtime.recording.drives import EPOCH_NS, Drive
 from tests.runtime.recording.reading import decoded_by_ros2_support, events, metadata, streamed
 from tests.runtime.recording.recorded import files, recordings
+from tests.runtime.telemetry.test_course_messages import shown
 from wallride.runtime.arbitration.command import Source, refusal
+from wallride.runtime.control.localization.localizer import PoseEstimate, Whereabouts
+from wallride.runtime.control.localization.wall_points import MapGrid
 from wallride.runtime.recording.channels import text_of
 from wallride.runtime.recording.recover import is_whole
 from wallride.runtime.ros.definitions import TYPES
@@ -85,7 +89,7 @@ async def test_everything_that_telemetry_says_is_in_it_for_every_reader(tmp_path
     drive.recorder.finish()
     (path,) = recordings(tmp_path)
     decoded = decoded_by_ros2_support(path)
-    silent = {topics.TELEOP, topics.JOY, topics.IMU, topics.POSE}
+    silent = {topics.TELEOP, topics.JOY, topics.IMU, topics.POSE, *topics.LASTING}
     told = {*TYPES, *topics.JSON_TOPICS} - silent
     assert set(decoded) == {f"/{topic}" for topic in told} | {"/tape", "/settings"}
     assert decoded["/scan"] == len(drive.scans)
@@ -101,6 +105,24 @@ async def test_everything_that_telemetry_says_is_in_it_for_every_reader(tmp_path
     assert len(scans) == len(drive.scans)
     facts = metadata(path.read_bytes())
     assert (facts["car"], facts["version"], facts["epoch_ns"]) == ("car1", "9.9", str(EPOCH_NS))
+
+
+async def test_a_map_is_once_in_each_file(tmp_path):
+    drive = Drive(tmp_path, black_box_s=2)
+    drive.telemetry.on_course(shown(grid=MapGrid(np.eye(9, dtype=np.int8), 0.05, 0j)))
+    for _ in range(2):
+        drive.permit()
+        for _ in range(4):
+            drive.telemetry.on_pose(PoseEstimate(drive.clock.now_s, Whereabouts.SEARCHING))
+            await drive.go(1)
+        drive.permit(False)
+        await drive.go(15)
+    drive.recorder.finish()
+    paths = recordings(tmp_path)
+    assert len(paths) == 2
+    assert [decoded_by_ros2_support(path)["/map"] for path in paths] == [1, 1]
+    begin_s, end_s = span_s(paths[1], topics.MAP)
+    assert begin_s == end_s == pytest.approx(span_s(paths[1])[0], abs=0.1), "with the file's first messages"
 
 
 async def test_somebody_may_begin_and_end_a_recording_by_hand(tmp_path):

@@ -16,12 +16,15 @@ STAMP_NS = 1_790_000_000_123_456_789
 RANGES_M = np.where(np.arange(1081) % 7 == 0, np.nan, np.linspace(1, 9, 1081)).astype(np.float32)
 SCAN = Scan(10.0, 10.001, -2.3562, 0.0043633, 0.02, 30.0, RANGES_M, 3)
 MOTOR = MotorState(10.0, 1.5, 12.25, -0.1, 11.8, 6.5, 2.25, 31.0, "", False, False)
+CELLS = np.array([[-1, 0, 100, 0, -1], [-1, 0, 0, 100, 100]], dtype=np.int8)
 LINES = np.array([[0.0, 1.0, 2.0], [0.5, 0.25, -0.5]])
 
 SAMPLES = {
     topics.SCAN: messages.laser_scan(STAMP_NS, SCAN, 0.025),
     topics.ODOM: messages.odometry(STAMP_NS, 1.0, -2.0, 0.5, 1.5, 0.25),
     topics.POSE: messages.pose(STAMP_NS, 1.0, -2.0, 0.5, 0.25, 0.125),
+    topics.MAP: messages.occupancy_grid(STAMP_NS, CELLS, 0.05, (-1.0, -2.0, 0.5)),
+    topics.LINE: messages.path(STAMP_NS, [(0.0, 1.0, -2.0, 0.5), (0.25, 2.0, -1.5, 0.25), (0.5, 2.5, 0.0, -0.25)]),
     topics.NAVIGATION: messages.ackermann(STAMP_NS, 2.0, -0.125),
     topics.SAFETY: messages.ackermann(STAMP_NS, 0.5, -0.125),
     topics.TELEOP: messages.ackermann(STAMP_NS, -0.5, 0.25),

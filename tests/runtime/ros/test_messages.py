@@ -63,6 +63,22 @@ def test_odometry_is_a_pose_in_odom_and_speeds_in_base_link():
     assert (twist.linear.x, twist.angular.z) == (1.5, 0.25)
 
 
+def test_a_map_is_its_cells_from_the_corner_on():
+    grid = decoded(topics.MAP)
+    assert (grid.header.frame_id, grid.info.width, grid.info.height) == ("map", 5, 2)
+    assert grid.info.map_load_time == grid.header.stamp
+    assert grid.info.resolution == pytest.approx(0.05)
+    assert (grid.info.origin.position.x, grid.info.origin.position.y) == (-1.0, -2.0)
+    assert list(grid.data) == [-1, 0, 100, 0, -1, -1, 0, 0, 100, 100]
+
+
+def test_a_line_is_poses_with_the_time_at_each():
+    line = decoded(topics.LINE)
+    assert [(one.pose.position.x, one.pose.position.y) for one in line.poses] == [(1.0, -2.0), (2.0, -1.5), (2.5, 0.0)]
+    first, second, _ = (one.header.stamp.sec * 10**9 + one.header.stamp.nanosec for one in line.poses)
+    assert second - first == 250_000_000
+
+
 def test_drives_markers_and_motor_hold_their_values():
     assert (decoded(topics.OUTPUT).drive.speed, decoded(topics.OUTPUT).drive.steering_angle) == (1.75, 0.0625)
     assert decoded(topics.DISTANCE_ERROR).data == -0.125

@@ -13,10 +13,12 @@ import pytest
 from tests.own_laws import EASY, law_file
 from tests.runtime.observed import GUIDANCE, HandClock, make_observed, output_of, scan_at, speak
 from tests.runtime.ros.samples import ros_store
+from tests.runtime.telemetry.test_course_messages import circle, shown
 from wallride.drivers.api import Drive
 from wallride.runtime.arbitration.command import Source, Verdict
 from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.localization.localizer import PoseEstimate, Whereabouts
+from wallride.runtime.control.localization.wall_points import MapGrid
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.realtime.wall_clock import WallClock
 from wallride.runtime.ros.definitions import TYPES
@@ -93,7 +95,7 @@ async def test_one_scan_brings_every_topic_that_has_something_to_say():
     rig = Rig()
     rig.drive_once()
     kept = await rig.written()
-    silent = {topics.TELEOP, topics.JOY, topics.IMU, topics.POSE}
+    silent = {topics.TELEOP, topics.JOY, topics.IMU, topics.POSE, *topics.LASTING}
     native = [one for one in kept.kept if one[0] not in {TF_ODOM, SCAN_BY_BEAM}]  # which only the sink for ROS 2 claims
     assert {topic for topic, *_ in native} == {*TYPES, *topics.JSON_TOPICS} - silent
     for topic, schema, stamp_s, payload in native:
@@ -374,3 +376,45 @@ async def test_without_a_pose_there_is_no_map_frame():
     rig.drive_once()
     transforms = decoded((await rig.written()).of(topics.TF)[-1], topics.TF).transforms
     assert [one.header.frame_id for one in transforms] == ["odom", "base_link"]
+
+
+class OnDemand(Keeper):
+    """A sink that takes one message of each topic whenever it is asked to."""
+
+    def __init__(self):
+        super().__init__()
+        self.wishes = set()
+
+    def claim(self, topic, at_s, *, urgent=False):
+        return topic in self.wishes
+
+    def take(self, topic, schema, stamp_s, payload):
+        super().take(topic, schema, stamp_s, payload)
+        self.wishes.discard(topic)
+
+
+async def test_map_and_line_are_there_whenever_a_reader_comes_and_are_always_the_same_bytes():
+    rig = Rig(OnDemand())
+    grid = MapGrid(np.array([[0, 100]], dtype=np.int8), 0.05, 0j)
+    rig.telemetry.on_course(shown(circle(50), grid))
+    sink = rig.sinks[0]
+    for _ in range(3):
+        rig.clock.now_s += 10.0
+        sink.wishes |= topics.LASTING
+        rig.telemetry.on_pose(PoseEstimate(rig.clock.now_s, Whereabouts.SEARCHING))
+        rig.drive_once()
+        await rig.written()
+    for topic in topics.LASTING:
+        assert len(sink.of(topic)) == 3
+        assert len(set(sink.of(topic))) == 1
+    assert list(decoded(sink.of(topics.MAP)[0], topics.MAP).data) == [0, 100]
+    assert len(decoded(sink.of(topics.LINE)[0], topics.LINE).poses) == 51
+
+
+async def test_a_map_without_a_line_has_no_topic_line():
+    rig = Rig()
+    rig.telemetry.on_course(shown(grid=MapGrid(np.zeros((1, 1), dtype=np.int8), 0.05, 0j)))
+    rig.telemetry.on_pose(PoseEstimate(rig.clock.now_s, Whereabouts.SEARCHING))
+    rig.drive_once()
+    kept = await rig.written()
+    assert (len(kept.of(topics.MAP)), kept.of(topics.LINE)) == (1, [])

@@ -4,7 +4,7 @@ import pytest
 
 from wallride.runtime.realtime.wall_clock import WallClock
 from wallride.runtime.ros.definitions import TYPES
-from wallride.runtime.ros.graph import PUBLISHED, SCAN_BY_BEAM, TF_ODOM, TF_STATIC
+from wallride.runtime.ros.graph import PUBLISHED, SCAN_BY_BEAM, TF_ODOM, TF_STATIC, access
 from wallride.runtime.ros.messages import Frame
 from wallride.runtime.settings.telemetry import RatesHz
 from wallride.runtime.telemetry.ros2_sink import Ros2Sink
@@ -73,9 +73,9 @@ def test_the_node_and_all_publishers_are_announced_once_the_session_is_open():
 
 def test_what_has_no_subscriber_is_not_claimed_and_so_not_written():
     bus, sink = joined()
-    assert not any(sink.claim(topic, 1.0) for topic in PUBLISHED)
+    assert not any(sink.claim(topic, 1.0) for topic in PUBLISHED.keys() - topics.LASTING)
     bus.wishes.add(key_of(SCAN_BY_BEAM))
-    assert [topic for topic in PUBLISHED if sink.claim(topic, 2.0)] == [SCAN_BY_BEAM]
+    assert [topic for topic in PUBLISHED.keys() - topics.LASTING if sink.claim(topic, 2.0)] == [SCAN_BY_BEAM]
 
 
 def test_native_topics_that_ros_2_does_not_have_are_never_claimed():
@@ -113,6 +113,24 @@ def test_the_fixed_frame_is_published_once_and_kept():
     assert read_attachment(note)[:2] == (1, START_NS + 5_000_000_000)
     assert b"base_link\0" in payload
     assert b"laser\0" in payload
+
+
+def test_a_map_is_published_once_and_kept_for_subscribers_that_come_later():
+    bus, sink = joined()
+    assert sink.claim(topics.MAP, 1.0), "nobody listens yet"
+    sink.take(topics.MAP, TYPES[topics.MAP], 1.0, b"map")
+    key, payload, _, note = bus.latched[-1]
+    assert (key, payload) == (key_of(topics.MAP), b"map")
+    assert read_attachment(note)[:2] == (1, START_NS + 1_000_000_000)
+    bus.wishes.add(key)
+    assert not any(sink.claim(topics.MAP, 1.0 + later_s) for later_s in range(100))
+    assert PUBLISHED[topics.MAP].qos == TF_STATIC.qos
+    assert GRAPH.data_key(PUBLISHED[topics.LINE]) in access(GRAPH).latched
+
+
+def test_a_map_waits_for_the_session_and_is_turned_off_by_its_rate():
+    assert not Ros2Sink(RosBus(), GRAPH, RatesHz(), LASER, wall_clock=WALL_CLOCK).claim(topics.MAP, 1.0)
+    assert not joined(map=0.0)[1].claim(topics.MAP, 1.0)
 
 
 @pytest.mark.parametrize(("rate_hz", "claimed"), [(20.0, 200), (5.0, 50), (0.0, 0)])

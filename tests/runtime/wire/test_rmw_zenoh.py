@@ -5,6 +5,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from wallride.runtime.ros.definitions import TYPES, definition
 from wallride.runtime.ros.graph import PUBLISHED, TF_STATIC, access
+from wallride.runtime.wire import topics
 from wallride.runtime.wire.rmw_zenoh import (
     ATTACHMENT,
     TYPE_HASHES,
@@ -84,4 +85,5 @@ def test_a_node_has_a_name_that_ros_2_allows(car, node):
 def test_the_access_control_gets_every_key_that_is_published():
     keys = access(GRAPH)
     assert set(keys.published) == {GRAPH.data_key(topic) for topic in (*PUBLISHED.values(), TF_STATIC)}
-    assert keys.latched == (GRAPH.data_key(TF_STATIC),)
+    latched = (*(PUBLISHED[topic] for topic in topics.LASTING), TF_STATIC)
+    assert set(keys.latched) == {GRAPH.data_key(topic) for topic in latched}

@@ -3,6 +3,7 @@
 import io
 import math
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 from rich.text import Text
 
+from wallride.sim.live.screen import lap_words
 from wallride.sim.live.terminal_view import (
     CAR,
     CAR_OUTSIDE,
@@ -276,3 +278,11 @@ def test_what_is_copied_is_never_broken(width):
     shown = printed(page(world, rows, width), width)
     assert any(address in line for line in shown)
     assert len(shown) <= 40
+
+
+def test_a_race_has_a_row_with_its_laps_and_another_drive_has_none():
+    race = {"laps": 2, "time_s": 7.25, "best_s": 7.0, "rms_m": 0.021}
+    said = "lap 3; the last one 7.25 s, the best 7.00 s; 2.1 cm from the line (rms)"
+    assert (lap_words(race), lap_words({"laps": 0, "time_s": None}), lap_words({})) == (said, "lap 1", "")
+    assert ("race", said) in status_rows(replace(STATUS, race=said))
+    assert "race" not in dict(status_rows(STATUS))

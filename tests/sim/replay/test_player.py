@@ -149,3 +149,11 @@ def test_keys_steer(clock):
     press(player, "-")
     assert player.speed == FASTEST / 2
     assert not press(player, "q")
+
+
+def test_the_picture_of_any_moment_has_the_map_from_the_beginning(clock):
+    log = DriveLog("made", [message(0.1, topics.MAP), *(message(at_s) for at_s in range(60))])
+    player = Player(log, clock)
+    for position_s in (50.0, 0.05):
+        player.seek(position_s)
+        assert (topics.MAP in {one.topic for one in player.picture()}) == (position_s > 0.1)

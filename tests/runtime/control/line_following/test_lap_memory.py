@@ -15,7 +15,20 @@ def test_a_lap_is_counted_where_it_was_begun_with_its_errors():
     assert [k for k, one in enumerate(done) if one] == [100, 200]
     assert laps.last.laps == 2
     assert laps.last.time_s == pytest.approx(100 * STEP_S)
+    assert laps.since_s == pytest.approx(200 * STEP_S), "the third lap begins"
     assert (laps.last.rms_m, laps.last.p99_m, laps.last.largest_m) == pytest.approx((0.1, 0.1, 0.1))
+
+
+def test_the_best_lap_stays_the_best():
+    laps, at_s = LapMemory(10.0), 0.0
+    for steps in (100, 80, 90):
+        for k in range(steps):
+            laps.take(at_s + STEP_S * k, 10.0 * k / steps, 0.0)
+        at_s += STEP_S * steps
+    laps.take(at_s, 0.0, 0.0)
+    assert laps.last.laps == 3
+    assert laps.last.time_s == pytest.approx(90 * STEP_S)
+    assert laps.last.best_s == pytest.approx(80 * STEP_S)
 
 
 def test_a_car_that_stands_beside_its_line_adds_no_errors():
