@@ -108,10 +108,15 @@ class _Key:
 
 
 class MotionAgreement:
-    """Collects the windows of a drive. `learn` once per scan, in order; about 0.4 ms where a window ends."""
+    """Collects the windows of a drive. `learn` once per scan, in order; about 0.4 ms where a window ends.
+
+    goes_on: whether the first way agreed. From then on a window may wait, and a stored turn has to be told; before, a
+    turned lidar has to be told soon.
+    """
 
     def __init__(self, lidar_m: complex) -> None:
         self._lidar_m = lidar_m
+        self.goes_on = False
         self.forget()
 
     def forget(self) -> None:
@@ -139,13 +144,15 @@ class MotionAgreement:
             moved_m, turn_rad = _moved(key.pose, pose)
             if abs(moved_m) < WINDOW_M and abs(turn_rad) < WINDOW_RAD:
                 return Agreement.UNKNOWN
-            if abs(moved_m) < WAITS_M and _is_bent(key.correction, scan):
+            if abs(moved_m) < WAITS_M and self.goes_on and _is_bent(key.correction, scan):
                 return Agreement.UNKNOWN
         else:
             key = None
         patches = patches_of(scan)
-        self._key = _Key(patches, scan.correction, scan.stamp_s, pose)
-        if key is None or _is_bent(key.correction, scan) or (found := _displaced(key, self._key, turn_rad)) is None:
+        if key is not None and self.goes_on and _is_bent(key.correction, scan):
+            key = None
+        self._key = _Key(patches, scan.correction if self.goes_on else None, scan.stamp_s, pose)
+        if key is None or (found := _displaced(key, self._key, turn_rad)) is None:
             return Agreement.UNKNOWN
         self._add(*found, moved_m)
         return self._answer()

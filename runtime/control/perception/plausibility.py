@@ -130,6 +130,7 @@ class Plausibility:
             self._begin_anew()
             self._scene.forget()
             return
+        self._motion.goes_on = self._confirmed
         self._scene.learn(scan, self._samples, pose, motor.distance_m)
         if self._change.learn(scan, pose.yaw_rad) and self._confirmed:
             self._begin_anew()  # the lidar may have been turned; a view that agrees with the wheels again was not
