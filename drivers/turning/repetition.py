@@ -1,8 +1,10 @@
 """Does a turning lidar still measure? A turn that shows the same again while the car moves is a stored one. Pure.
 
-It is judged before the car's motion is taken out of a turn, which makes a different scan of every repetition.
+So is one that was seen before, to the bit, some way back, and the one after it: they are played again. It is judged
+before the car's motion is taken out of a turn, which makes a different scan of every repetition.
 """
 
+from collections import OrderedDict
 from typing import Final
 
 import numpy as np
@@ -16,6 +18,9 @@ MIN_SAMPLES: Final = 40
 MOVES_MPS: Final = 0.1
 REPEATED_M: Final = 0.3
 """Way of the car after which a turn that repeats is a stored one."""
+PLAYED_TURNS: Final = 2
+"""Minimum number in a row of turns that were seen before, REPEATED_M ago or more."""
+REMEMBERED_TURNS: Final = 100
 
 
 class Repetition:
@@ -23,18 +28,32 @@ class Repetition:
 
     def __init__(self) -> None:
         self._before_m: Floats = np.empty(0)
-        self._way_m = 0.0
+        self._way_m = self._driven_m = 0.0
+        self._seen: OrderedDict[int, float] = OrderedDict()
+        self._played = 0
         self.stored = False
 
     def is_stored(self, ranges_m: Floats, speed_mps: float, turn_s: float) -> bool:
         """Take in the samples of a turn as measured, (n,); return whether it is a stored one. turn_s: its duration."""
         before_m, self._before_m = self._before_m, ranges_m
+        self._driven_m += abs(speed_mps) * turn_s
         if not _is_same(before_m, ranges_m):
-            self._way_m, self.stored = 0.0, False
+            self._way_m, self.stored = 0.0, self._is_played(ranges_m)
         elif abs(speed_mps) > MOVES_MPS:
             self._way_m += abs(speed_mps) * turn_s
             self.stored = self.stored or self._way_m >= REPEATED_M
         return self.stored
+
+    def _is_played(self, ranges_m: Floats) -> bool:
+        if np.count_nonzero(np.isfinite(ranges_m)) < MIN_SAMPLES:
+            return False
+        key = hash(ranges_m.tobytes())
+        first_m = self._seen.setdefault(key, self._driven_m)
+        self._seen.move_to_end(key)
+        if len(self._seen) > REMEMBERED_TURNS:
+            self._seen.popitem(last=False)
+        self._played = self._played + 1 if self._driven_m - first_m >= REPEATED_M else 0
+        return self._played >= PLAYED_TURNS
 
 
 def _is_same(before_m: Floats, now_m: Floats) -> bool:

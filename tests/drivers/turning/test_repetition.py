@@ -53,3 +53,17 @@ def test_a_turn_may_have_one_sample_more():
     repetition = Repetition()
     told = [repetition.is_stored(one[: 720 - k % 2], 2.0, TURN_S) for k in range(8)]
     assert told[-1]
+
+
+def test_turns_that_are_played_again_are_stored_ones():
+    """A second of turns, again and again: none is like the one before."""
+    told = judged(1.0, [turn(0.01) for _ in range(10)] * 3)
+    assert told.index(True) == 11
+    assert all(told[11:])
+
+
+def test_played_turns_of_a_car_that_stood_are_none_and_end_with_a_new_one():
+    repetition, again = Repetition(), [turn(0.01) for _ in range(5)]
+    assert not any(repetition.is_stored(one, 0.0, TURN_S) for one in again * 2)
+    assert [repetition.is_stored(one, 1.0, TURN_S) for one in again][-1]
+    assert not repetition.is_stored(turn(0.01), 1.0, TURN_S)
