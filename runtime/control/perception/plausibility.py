@@ -136,9 +136,10 @@ class Plausibility:
             self._begin_anew()  # the lidar may have been turned; a view that agrees with the wheels again was not
         if self.motor_doubt:
             self._await_standstill(scan, motor)
-        elif self._confirmed and not self._repeats:  # which has a check of its own
-            self._go_on(self._motion.learn(scan, motor, pose), scan, motor)
-        elif not (self._confirmed or self._turned):
+        elif self._confirmed:
+            if scan.correction is not None and not self._repeats:  # else `_scene` and `_frozen` tell
+                self._go_on(self._motion.learn(scan, motor, pose), scan, motor)
+        elif not self._turned:
             self._conclude(self._motion.learn(scan, motor, pose))
 
     def forget_newest(self) -> None:
