@@ -61,9 +61,12 @@ def run(options: argparse.Namespace) -> int:
     """Calibrate; exit code 2 with one line for what the user can correct."""
     from wallride.clients.calibration.command import run as calibrate
     from wallride.clients.connection import ConnectionProblemError
+    from wallride.pulses import command as pulses
 
     options.config = options.config or default_config() or DEFAULT_CONFIG
     try:
+        if not options.undo and (settings := pulses.pulsed_settings(options.config)) is not None:
+            return pulses.run(options, settings)
         return calibrate(options)
     except ConnectionProblemError as error:
         return fail(str(error))
