@@ -36,8 +36,8 @@ class OpenBench(Protocol):
         """Open both; CalibrationError with the remedy where one of them is away."""
         ...
 
-    def write(self, steering_us: float, throttle_us: float) -> tuple[float, float]:
-        """Write pulses [us], and go on with them while a scan is waited for; return what the board makes of them."""
+    def write(self, steering_us: float, throttle_us: float, neutral_us: float) -> tuple[float, float]:
+        """Write pulses [us] for a moment, neutral after it; return what the board makes of them."""
         ...
 
     def next_scan(self) -> Scan:
@@ -116,7 +116,7 @@ class PulseLink:
     def release(self) -> None:
         """Let go: neutral, also while nothing is sent."""
         self._asked_mps, self.throttle_us = 0.0, self._settings.neutral_us
-        self._bench.write(self._steering_us, self.throttle_us)
+        self._bench.write(self._steering_us, self.throttle_us, self.throttle_us)
 
     def wait(self) -> None:
         """Take the next scan."""
@@ -130,7 +130,9 @@ class PulseLink:
         if not self._deadman.is_held():
             self.release()
             raise LetGoError("let go: the car stops")
-        self._steering_us, self.throttle_us = self._bench.write(self._steering_us, throttle_us)
+        self._steering_us, self.throttle_us = self._bench.write(
+            self._steering_us, throttle_us, self._settings.neutral_us
+        )
 
     def _take(self, scan: Scan) -> None:
         seen, ranges_m = self.seen, scan.ranges_m.astype(np.float64)

@@ -9,7 +9,7 @@ from wallride.clients.calibration.ways import CalibrationError
 from wallride.drivers.api import Scan
 from wallride.drivers.pca9685.settings import Pca9685Settings
 from wallride.drivers.vesc.settings import VescSettings
-from wallride.pulses.bench import made_us
+from wallride.pulses.devices import made_us
 from wallride.pulses.link import PulseLink
 from wallride.runtime.parameters.catalogue import values
 from wallride.runtime.settings.tree import load_settings
@@ -20,7 +20,7 @@ from wallride.sim.devices.esc import EmulatedEsc, EscModel
 from wallride.sim.virtual.closed_loop import as_scan
 from wallride.sim.world.beams import LidarSettings, scan
 
-SCAN_S = 0.025
+SCAN_S, ROLLS_OUT_S = 0.025, 8.0
 TRUE = EscModel(
     neutral_us=1530.0, dead_us=45.0, us_per_mps=40.0, brake_a=30.0, brake_reach_us=330.0, center_us=1470.0,
     us_per_rad=1000.0, shortest_us=1230.0, longest_us=1760.0,
@@ -52,9 +52,9 @@ class VirtualBench:
 
     def open(self, steering_us: float, neutral_us: float) -> None:
         self.is_open = True
-        self.write(steering_us, neutral_us)
+        self.write(steering_us, neutral_us, neutral_us)
 
-    def write(self, steering_us: float, throttle_us: float) -> tuple[float, float]:
+    def write(self, steering_us: float, throttle_us: float, neutral_us: float) -> tuple[float, float]:
         steering_us, throttle_us = (made_us(Pca9685Settings(), us) for us in (steering_us, throttle_us))
         self.written.append(throttle_us)
         self.esc.pulse(steering_us, throttle_us, self.now_s)
@@ -74,10 +74,11 @@ class VirtualBench:
     def close(self, stop_us: float, neutral_us: float) -> None:
         steering_us = 1500.0
         for _ in range(40):
-            self.write(steering_us, stop_us)
+            self.write(steering_us, stop_us, neutral_us)
             self.now_s += SCAN_S
             self.plant.advance(self.now_s)
-        self.write(steering_us, neutral_us)
+        self.write(steering_us, neutral_us, neutral_us)
+        self.plant.advance(self.now_s + ROLLS_OUT_S)
         self.is_open = False
 
 
