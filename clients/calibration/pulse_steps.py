@@ -24,7 +24,8 @@ from wallride.runtime.calibration.proposals import Proposal
 from wallride.runtime.calibration.throttle_fit import fit_throttle
 
 NO_DELAY = "delay: it compares commands with the motor's own report, which a car by servo pulses has not; left out"
-GENTLE_MPS2 = 1.0
+BEHIND = " Leave 0.5 m behind it, as it rolls out backward, and keep its switch within reach."
+MIN_BRAKE_MPS2 = 1.0
 """Deceleration below which a pulse does not count as a brake: a car that rolls out has up to half of it."""
 
 
@@ -32,12 +33,12 @@ def pulse_steps(wanted: frozenset[str]) -> list[DrivenStep]:
     """Return the drives of the wanted steps, in order; each later one drives by what those before it measured."""
     found = []
     if SPEED in wanted:
-        found.append(DrivenStep("throttle", room(pulse_ways.WAY_M), _throttle))
+        found.append(DrivenStep("throttle", room(pulse_ways.WAY_M) + BEHIND, _throttle))
     if wanted & (BY_ARCS - {SPEED} | {BRAKE}):
-        found.append(DrivenStep("steering, lidar, own parts", room(ways.LONG_M), _bends(wanted)))
+        found.append(DrivenStep("steering, lidar, own parts", room(ways.LONG_M) + BEHIND, _bends(wanted)))
     if BRAKE in wanted:
         found.append(
-            DrivenStep("braking", f"{room(ways.RUN_M)} It drives {ways.RUN_MPS} m/s.", _brake, needs_arcs=True)
+            DrivenStep("braking", f"{room(ways.RUN_M)}{BEHIND} It drives {ways.RUN_MPS} m/s.", _brake, needs_arcs=True)
         )
     return found
 
@@ -90,8 +91,10 @@ def _brake(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Proposal
     cast("PulsedCar", car).use(so_far.now, gentle=False)
     found = list(braking(car, so_far))
     yield from found
-    words = so_far.notes[-1]
-    yield Proposal(proposals.BRAKE_PULSE, pulse_us, pulse_us, f"it brakes and does not drive backward; {words}")
+    brakes = so_far.deceleration_mps2
+    weak = brakes is not None and brakes.value < MIN_BRAKE_MPS2
+    words = "it hardly brakes: see the ESC's brake force" if weak else "it brakes and does not drive backward"
+    yield Proposal(proposals.BRAKE_PULSE, pulse_us, pulse_us, words)
 
 
 def _with(now: Mapping[str, float], found: list[Proposal]) -> dict[str, float]:

@@ -16,6 +16,7 @@ from wallride.runtime.calibration.measured_car import (
 )
 from wallride.runtime.calibration.near_parts import sectors
 from wallride.runtime.calibration.proposals import Proposal
+from wallride.runtime.calibration.responses import Estimate
 
 SPEED, STEERING, LIDAR, PARTS, DELAY, BRAKE, OUTLINE = STEPS = (
     "speed", "steering", "lidar", "own-parts", "delay", "brake", "outline",
@@ -42,7 +43,7 @@ MIN_FORWARD_SHARE = 0.25
 class CalibrationProgress:
     """Values in effect, and what was measured so far. ruler: the wheelbase was measured with a ruler.
 
-    taped_m: way of the drive along a tape, as reported.
+    taped_m: way of the drive along a tape, as reported. deceleration_mps2: of the stops.
     """
 
     now: Mapping[str, float]
@@ -50,6 +51,7 @@ class CalibrationProgress:
     arcs: MeasuredArcs | None = None
     motor_delay_s: float = DEFAULT_DELAY_S
     taped_m: float | None = None
+    deceleration_mps2: Estimate | None = None
     notes: list[str] = field(default_factory=list)
 
 
@@ -178,6 +180,7 @@ def braking(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Proposa
     ways.drive_stops(car)
     part = car.seen.trace().between(begin_s, car.now_s)
     deceleration = measure_braking(part, so_far.arcs, so_far.motor_delay_s)
+    so_far.deceleration_mps2 = deceleration
     so_far.notes.append(f"deceleration of a stop: {deceleration.as_text('m/s2')}")
     yield from proposals.of_braking(deceleration, so_far.now)
 

@@ -17,7 +17,8 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "calibrate",
         help="measure speed and steering gain, the lidar's pose, delays and braking by driving to and fro",
         description="Drives the car through short ways while you hold a key, shows each setting before and after, and"
-        " writes to its settings file what you accept. Run it on the car's computer, beside the running car.",
+        " writes to its settings file what you accept. Run it on the car's computer, beside the running car; by servo"
+        " pulses in its place.",
     )
     parser.add_argument(
         "steps", nargs="*", type=_step, action=_StepsAndFile, metavar="STEP",

@@ -13,8 +13,9 @@ from wallride.clients.calibration.ways import CalibrationError
 from wallride.drivers.api import Scan
 from wallride.drivers.pwm.settings import PwmSettings
 from wallride.drivers.pwm.throttle import Throttle, steering_rad, steering_us
+from wallride.runtime.calibration.arc_fit import TOO_PLAIN
 from wallride.runtime.calibration.scan_motion import STILL, ScanChain
-from wallride.runtime.calibration.stop_match import MAX_RANGE_M
+from wallride.runtime.calibration.stop_match import MAX_RANGE_M, tells_way
 from wallride.runtime.calibration.trace import TraceBuilder
 from wallride.runtime.settings.tree import Settings
 
@@ -91,13 +92,15 @@ class PulseLink:
         self.throttle_us, self._steering_us = settings.neutral_us, settings.steering_center_us
 
     def forget(self) -> None:
-        """Begin: open lidar and board, and keep neutral until the ESC is armed."""
+        """Begin: open lidar and board, in neutral until the ESC is armed; CalibrationError where scans tell no way."""
         self._bench.open(self._steering_us, self._settings.neutral_us)
         self.wait()
         begin_s = self._now_s
         while self._now_s - begin_s < self._settings.arming_s:
             self.pulse(self._settings.neutral_us)
             self.wait()
+        if not tells_way(self.seen.kind, np.array([ranges_m for _, ranges_m in self.seen.scans])):
+            raise CalibrationError(TOO_PLAIN)
         self._throttle.begin(self._now_s)
 
     def send(self, speed_mps: float, steering_rad: float) -> None:

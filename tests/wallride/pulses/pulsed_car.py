@@ -1,10 +1,14 @@
 """A simulated car by servo pulses that is calibrated in virtual time: its ESC differs from its settings as planted."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from tests.runtime.calibration.planted import LAB, MOUNT, ROUGH
 from wallride.clients.calibration.current_values import PULSE_NAMES
 from wallride.clients.calibration.deadman import AlwaysHeld
+from wallride.clients.calibration.pulse_steps import pulse_steps
+from wallride.clients.calibration.steps import STEPS, CalibrationProgress
 from wallride.clients.calibration.ways import CalibrationError
 from wallride.drivers.api import Scan
 from wallride.drivers.pca9685.settings import Pca9685Settings
@@ -26,6 +30,7 @@ TRUE = EscModel(
     us_per_rad=1000.0, shortest_us=1230.0, longest_us=1760.0,
 )  # fmt: skip
 """Planted: neutral 30 us off, a quarter faster, left is right, the linkage's ends at -0.24 and 0.29 rad."""
+RIGHT = replace(TRUE, neutral_us=1500.0)
 
 
 class VirtualBench:
@@ -78,7 +83,8 @@ class VirtualBench:
             self.now_s += SCAN_S
             self.plant.advance(self.now_s)
         self.write(steering_us, neutral_us, neutral_us)
-        self.plant.advance(self.now_s + ROLLS_OUT_S)
+        self.now_s += ROLLS_OUT_S
+        self.plant.advance(self.now_s)
         self.is_open = False
 
 
@@ -89,3 +95,22 @@ def in_effect(path):
 
 def linked(bench, path, so_far, deadman=None):
     return PulseLink(bench, deadman or AlwaysHeld(), load_settings(path), so_far.now)
+
+
+def calibrated(bench, path, steps=STEPS, deadman=None, **now):
+    so_far = CalibrationProgress({**in_effect(path), **now}, ruler=bool(now))
+    measured = []
+    for step in pulse_steps(frozenset(steps)):
+        measured += driven(step, bench, path, so_far, deadman)
+    return measured, so_far
+
+
+def driven(step, bench, path, so_far, deadman=None):
+    with linked(bench, path, so_far, deadman) as link:
+        link.forget()
+        return list(step.run(link, so_far))
+
+
+def stands_in_neutral(bench):
+    """Tell whether the last pulse is neutral, to what the board rounds, and the car stands."""
+    return abs(bench.written[-1] - bench.esc.model.neutral_us) < 35.0 and abs(bench.vehicle.speed_mps) < 0.01

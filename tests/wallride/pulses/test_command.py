@@ -14,10 +14,9 @@ from wallride.runtime.settings.tree import load_settings
 
 
 @pytest.fixture
-def car_toml(tmp_path):
-    path = tmp_path / "car.toml"
-    path.write_text('[motor]\ndriver = "maestro"\n[recording]\nsimulated = true\n')
-    return path
+def simulated(car_toml):
+    car_toml.write_text('[motor]\ndriver = "maestro"\n[recording]\nsimulated = true\n')
+    return car_toml
 
 
 def test_which_file_is_a_pulsed_cars(car_toml, tmp_path):
@@ -28,15 +27,14 @@ def test_which_file_is_a_pulsed_cars(car_toml, tmp_path):
     assert command.pulsed_settings(tmp_path / "none.toml") is None
 
 
-def test_a_step_that_needs_a_tachometer_says_so(car_toml, capsys):
-    assert main(["calibrate", "delay", "--yes", "--config", str(car_toml)]) == 0
+def test_a_step_that_needs_a_tachometer_says_so(simulated, capsys):
+    assert main(["calibrate", "delay", "--yes", "--config", str(simulated)]) == 0
     said = capsys.readouterr().out
     assert "delay: it compares commands with the motor's own report, which a car by servo pulses has not" in said
     assert "nothing was measured, and nothing was written" in said
 
 
 def test_no_key_is_held_for_a_real_car(car_toml, capsys):
-    car_toml.write_text('[motor]\ndriver = "maestro"\n')
     assert main(["calibrate", "--yes", "--config", str(car_toml)]) == 2
     assert "simulated and emulated cars only" in capsys.readouterr().err
 

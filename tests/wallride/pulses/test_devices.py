@@ -21,7 +21,12 @@ async def opened(tmp_path, driver):
     one = car(tmp_path / "ports", motor=driver())
     boards = []
     start = one._open_motor
-    one._open_motor = lambda stack: boards.append(start(stack)) or boards[0]
+
+    def noted(stack):
+        boards.append(start(stack))
+        return boards[0]
+
+    one._open_motor = noted
     async with running(one) as addresses:
         at = {"driver": driver.model_fields["driver"].default, addresses.motor_key: addresses.motor}
         devices = PulseDevices(
