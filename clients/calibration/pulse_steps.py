@@ -19,7 +19,7 @@ from wallride.clients.calibration.steps import (
 )
 from wallride.clients.calibration.ways import CalibratedCar, CalibrationError
 from wallride.runtime.calibration import proposals
-from wallride.runtime.calibration.measured_car import MeasuredArcs, measure_locks
+from wallride.runtime.calibration.measured_car import measure_locks
 from wallride.runtime.calibration.proposals import Proposal
 from wallride.runtime.calibration.throttle_fit import fit_throttle
 
@@ -36,6 +36,8 @@ def pulse_steps(wanted: frozenset[str]) -> list[DrivenStep]:
         found.append(DrivenStep("throttle", room(pulse_ways.WAY_M) + BEHIND, _throttle))
     if wanted & (BY_ARCS - {SPEED} | {BRAKE}):
         found.append(DrivenStep("steering, lidar, own parts", room(ways.LONG_M) + BEHIND, _bends(wanted)))
+    if STEERING in wanted:
+        found.append(DrivenStep("ends of the steering", room(pulse_ways.LOCK_M) + BEHIND, _ends, needs_arcs=True))
     if BRAKE in wanted:
         found.append(
             DrivenStep("braking", f"{room(ways.RUN_M)}{BEHIND} It drives {ways.RUN_MPS} m/s.", _brake, needs_arcs=True)
@@ -62,23 +64,21 @@ def _throttle(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Propo
 def _bends(wanted: frozenset[str]) -> Callable[[CalibratedCar, CalibrationProgress], Iterator[Proposal]]:
     def run(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Proposal]:
         found = list(arcs(wanted)(car, so_far))
+        so_far.now = _with(so_far.now, found)
         yield from found
-        if STEERING in wanted and so_far.arcs is not None:
-            if any(one.new is None for one in found if one.name == proposals.PULSE_CENTER):
-                so_far.notes.append("the steering's ends were left out: its middle was not measured")
-                return
-            yield from _ends(cast("PulsedCar", car), so_far.arcs, _with(so_far.now, found))
 
     return run
 
 
-def _ends(car: PulsedCar, measured: MeasuredArcs, now: Mapping[str, float]) -> Iterator[Proposal]:
-    car.use(now, gentle=True)
-    begin_s = car.now_s
+def _ends(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Proposal]:
+    """Drive with the wheels turned most, by gain and middle as they were just measured."""
+    if so_far.arcs is None or so_far.arcs.fit.offset_rad.why:
+        raise CalibrationError("the ends need the middle of the steering, which the bends did not tell")
+    now, begin_s = so_far.now, car.now_s
     pulse_ways.drive_locks(car, now[proposals.MOST_STEERING])
     trace = car.seen.trace().between(begin_s, car.now_s)
     lidar_m = now[proposals.LIDAR_X], now[proposals.LIDAR_Y]
-    locks = measure_locks(trace, measured.ignored, now[proposals.WHEELBASE], lidar_m)
+    locks = measure_locks(trace, so_far.arcs.ignored, now[proposals.WHEELBASE], lidar_m)
     for side in (1, -1):
         of_side = [(commanded, driven) for commanded, driven in locks if commanded * side > 0]
         if of_side:

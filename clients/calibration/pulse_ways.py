@@ -114,6 +114,7 @@ def drive_speeds(car: PulsedCar, now: Mapping[str, float]) -> list[PulseSpeed]:
 
 def drive_locks(car: CalibratedCar, most_rad: float) -> None:
     """Drive with the wheels turned as far as they are wanted, to the left and to the right."""
+    stand(car, 0.0, 0)
     start_m = distance_m(car)
     for steering_rad in (most_rad, -most_rad):
         drive_there_and_back(car, LOCK_M, steering_rad, start_m)

@@ -86,9 +86,10 @@ class PulseDevices:
 
     async def close(self, stop_us: float, neutral_us: float) -> None:
         """Stop by a pulse where the car may move, then neutral; close both."""
-        steering_us, last_us = self.pulses
+        steering_us, throttle_us = self.pulses
+        moves = stop_us != neutral_us or throttle_us != neutral_us
         with contextlib.suppress(CalibrationError):
-            until_s = self._clock() + (STOPS_S if last_us != neutral_us else 0.0)
+            until_s = self._clock() + (STOPS_S if moves else 0.0)
             while self._clock() < until_s:
                 await self.order(steering_us, stop_us, neutral_us)
                 await asyncio.sleep(WRITE_EVERY_S)

@@ -131,8 +131,7 @@ class PulseLink:
 
     def _write(self, throttle_us: float) -> None:
         if not self._deadman.is_held():
-            self.release()
-            raise LetGoError("let go: the car stops")
+            raise LetGoError("let go: the car stops")  # the end of the block brakes
         self._steering_us, self.throttle_us = self._bench.write(
             self._steering_us, throttle_us, self._settings.neutral_us
         )

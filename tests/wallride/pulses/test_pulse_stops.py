@@ -131,4 +131,5 @@ def test_steps_that_are_not_wanted_are_not_driven():
     assert [step.title for step in pulse_steps(frozenset({"speed"}))] == ["throttle"]
     assert [step.title for step in pulse_steps(frozenset({"lidar"}))] == ["steering, lidar, own parts"]
     assert [step.title for step in pulse_steps(frozenset({"brake"}))] == ["steering, lidar, own parts", "braking"]
+    assert [step.needs_arcs for step in pulse_steps(frozenset({"steering"}))] == [False, True]
     assert not pulse_steps(frozenset({"delay", "outline"}))
