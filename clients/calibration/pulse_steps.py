@@ -92,7 +92,9 @@ def _brake(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Proposal
     found = list(braking(car, so_far))
     yield from found
     brakes = so_far.deceleration_mps2
-    weak = brakes is not None and brakes.value < MIN_BRAKE_MPS2
+    if brakes is None or brakes.why:
+        return
+    weak = brakes.value < MIN_BRAKE_MPS2
     words = "it hardly brakes: see the ESC's brake force" if weak else "it brakes and does not drive backward"
     yield Proposal(proposals.BRAKE_PULSE, pulse_us, pulse_us, words)
 

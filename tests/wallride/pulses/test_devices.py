@@ -63,7 +63,12 @@ async def test_the_ordered_pulses_reach_the_board_and_the_last_one_is_neutral(dr
         assert pulse_us(esc) == pytest.approx(1590.0, abs=2.1)
         assert esc.steering_rad == pytest.approx(50 / 1150, abs=0.003)
         written, pulse = [], esc.pulse
-        esc.pulse = lambda *words: (written.append(words[1]), pulse(*words))
+
+        def noted(steering_us, throttle_us, now_s):
+            written.append(throttle_us)
+            pulse(steering_us, throttle_us, now_s)
+
+        esc.pulse = noted
     assert written[len(written) // 2] == pytest.approx(1400.0, abs=2.1), "it brakes first"
     assert pulse_us(esc) == pytest.approx(1500.0, abs=2.1)
 

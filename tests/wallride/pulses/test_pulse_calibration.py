@@ -60,5 +60,6 @@ def test_a_brake_pulse_that_drives_backward_is_found_although_a_weak_one_brakes(
 
 
 def test_a_brake_that_hardly_brakes_is_said(car_toml):
-    measured, _ = calibrated(VirtualBench(replace(RIGHT, brake_a=6.0), seed=6), car_toml, ["brake"])
+    measured, so_far = calibrated(VirtualBench(replace(RIGHT, brake_a=2.5), seed=6), car_toml, ["brake"])
+    assert so_far.deceleration_mps2.value == pytest.approx(0.4 + 2.5 * 0.17 * 300 / 330, rel=0.15)
     assert "hardly brakes" in next(one.words for one in measured if one.name == proposals.BRAKE_PULSE)
