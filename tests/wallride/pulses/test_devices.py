@@ -9,7 +9,7 @@ from tests.sim.live.emulated import car, running
 from wallride.clients.calibration.ways import CalibrationError
 from wallride.drivers.maestro.settings import MaestroSettings
 from wallride.drivers.pca9685.settings import Pca9685Settings
-from wallride.pulses.devices import MAX_LATE_S, ORDER_LASTS_S, PulseDevices, made_us
+from wallride.pulses.devices import MAX_LATE_S, PulseDevices, made_us
 from wallride.runtime.settings.tree import Settings, load_settings
 
 DRIVERS = [MaestroSettings, Pca9685Settings]
@@ -77,7 +77,7 @@ async def test_the_ordered_pulses_reach_the_board_and_the_last_one_is_neutral(dr
 async def test_a_step_that_hangs_is_in_neutral(driver, tmp_path):
     async with opened(tmp_path, driver) as (_, esc, devices):
         await ordered(devices, 1590.0, 0.5)
-        await asyncio.sleep(ORDER_LASTS_S + 0.2)
+        await asyncio.sleep(0.6)
         assert pulse_us(esc) == pytest.approx(1500.0, abs=2.1)
 
 
