@@ -21,6 +21,7 @@ SLOW: Final = (
     "system/test_ros2_receiver.py", "system/test_turning_lidars.py",
     "system/test_uplink.py", "system/test_walls.py", "system/test_ways_out.py", "wallride/deploy/test_over_ssh.py",
     "wallride/doctor/test_command.py", "wallride/test_cli.py",
+    "wallride/pulses/test_pulse_calibration.py",
     "wallride/test_install.py", "wallride/test_one_package.py", "wallride/vesc/test_command.py",
     # hundreds of drives or searches: the lab's experiments and what they are made of
     "benchmarks/test_corners.py", "benchmarks/test_recordings.py", "benchmarks/test_simulator.py",

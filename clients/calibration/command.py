@@ -1,15 +1,16 @@
 """`wallride calibrate`: guides through the steps, shows before and after, writes what is accepted."""
 
 import argparse
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Protocol
 
 from wallride.clients.calibration import settings_file
 from wallride.clients.calibration.current_values import check_writable, current_values
 from wallride.clients.calibration.deadman import AlwaysHeld, TerminalDeadman
-from wallride.clients.calibration.link import GONE, LetGoError, RemoteLink
+from wallride.clients.calibration.link import GONE, HeldDeadman, LetGoError, RemoteLink
 from wallride.clients.calibration.steps import (
     OUTLINE,
     OUTLINE_WORDS,
@@ -20,7 +21,7 @@ from wallride.clients.calibration.steps import (
     drive_tape,
     driven_steps,
 )
-from wallride.clients.calibration.ways import CalibrationError
+from wallride.clients.calibration.ways import CalibratedCar, CalibrationError
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.remote.car import RemoteCar
 from wallride.clients.remote.driver import DriveRefusedError
@@ -34,6 +35,16 @@ from wallride.runtime.parameters.file import StoreError
 from wallride.runtime.settings.tree import SettingsError
 from wallride.runtime.wire import topics
 
+
+class StepLink(CalibratedCar, Protocol):
+    """A car that is driven for one step."""
+
+    def forget(self) -> None:
+        """Begin with what comes from now on."""
+        ...
+
+
+OpenLink = Callable[[HeldDeadman], AbstractContextManager[StepLink]]
 TRIES = 5
 STATUS_WITHIN_S = 1.0
 
@@ -60,21 +71,47 @@ def _calibrate(options: argparse.Namespace) -> int:
     say(f"settings of {path}")
     with RemoteCar(options) as car:
         now = current_values(car, path)
-        _check_yes(car, given=options.yes)
+        check_yes(given=options.yes, simulated=bool(car.parameters["recording.simulated"]))
         _check_devices(car)
-        so_far = CalibrationProgress(dict(now), ruler=options.wheelbase is not None)
-        measured: list[Proposal] = []
-        if options.wheelbase is not None:
-            so_far.now = {**now, proposals.WHEELBASE: options.wheelbase}
-            measured.append(_by_hand(proposals.WHEELBASE, now, options.wheelbase, "by ruler"))
-        for step in driven_steps(wanted):
-            if missing := step.missing(so_far):
-                say(f"\n{missing}")
-                continue
-            measured += _drive(car, step, so_far, always=options.yes)
+
+        def open_link(deadman: HeldDeadman) -> RemoteLink:
+            return RemoteLink(car, deadman, say)
+
+        so_far, measured = begin(now, options.wheelbase)
+        measured += drive_steps(open_link, driven_steps(wanted), so_far, always=options.yes)
         if SPEED in wanted and so_far.arcs is not None and so_far.arcs.fit.speed_factor.why and not options.yes:
-            measured += _tape(car, so_far)
-    if OUTLINE in wanted and not options.yes:
+            measured += _tape(open_link, so_far)
+    return finish(path, wanted, now, so_far, measured, yes=options.yes)
+
+
+def begin(now: Mapping[str, float], wheelbase_m: float | None) -> tuple[CalibrationProgress, list[Proposal]]:
+    """Return a calibration that has driven nothing yet. wheelbase_m: by ruler, None without one."""
+    so_far, measured = CalibrationProgress(dict(now), ruler=wheelbase_m is not None), []
+    if wheelbase_m is not None:
+        so_far.now = {**now, proposals.WHEELBASE: wheelbase_m}
+        measured.append(_by_hand(proposals.WHEELBASE, now, wheelbase_m, "by ruler"))
+    return so_far, measured
+
+
+def drive_steps(
+    open_link: OpenLink, steps: Sequence[DrivenStep], so_far: CalibrationProgress, *, always: bool
+) -> list[Proposal]:
+    """Drive all steps that can be driven; return what they measured."""
+    measured: list[Proposal] = []
+    for step in steps:
+        if missing := step.missing(so_far):
+            say(f"\n{missing}")
+            continue
+        measured += drive_step(open_link, step, so_far, always=always)
+    return measured
+
+
+def finish(
+    path: Path, wanted: frozenset[str], now: Mapping[str, float], so_far: CalibrationProgress,
+    measured: list[Proposal], *, yes: bool,
+) -> int:  # fmt: skip
+    """Ask for what the car cannot see, show everything, and write what is accepted."""
+    if OUTLINE in wanted and not yes:
         measured += _outline(now)
     for note in so_far.notes:
         say(note)
@@ -82,7 +119,7 @@ def _calibrate(options: argparse.Namespace) -> int:
         say("nothing was measured, and nothing was written: the car drives as before")
         return 0
     say(table(measured))
-    return _write(path, [one for one in measured if one.changes], yes=options.yes)
+    return _write(path, [one for one in measured if one.changes], yes=yes)
 
 
 def _file(options: argparse.Namespace) -> Path:
@@ -91,8 +128,9 @@ def _file(options: argparse.Namespace) -> Path:
     return path
 
 
-def _check_yes(car: RemoteCar, *, given: bool) -> None:
-    if given and not car.parameters["recording.simulated"]:
+def check_yes(*, given: bool, simulated: bool) -> None:
+    """CalibrationError where no person holds a key, and the car is a real one."""
+    if given and not simulated:
         raise CalibrationError("--yes holds the deadman for you: it is for simulated and emulated cars only")
     if not given and not terminal.is_there():
         raise CalibrationError("the deadman is a key: run it in a terminal (or --yes, with an emulated car)")
@@ -106,13 +144,13 @@ def _check_devices(car: RemoteCar) -> None:
             raise CalibrationError(GONE.format(lost))
 
 
-def _drive(car: RemoteCar, step: DrivenStep, so_far: CalibrationProgress, *, always: bool) -> list[Proposal]:
-    """Drive a step, again after the operator let go; [] where it was skipped."""
+def drive_step(open_link: OpenLink, step: DrivenStep, so_far: CalibrationProgress, *, always: bool) -> list[Proposal]:
+    """Drive a step, again after the operator let go; [] where it was skipped. always: the deadman is held for it."""
     say(f"\n{step.title}\n  {step.before}")
     for _ in range(1 if always else TRIES):
         deadman = AlwaysHeld() if always else TerminalDeadman()
         try:
-            with deadman, RemoteLink(car, deadman, say) as link:
+            with deadman, open_link(deadman) as link:
                 if not always:
                     say(f"  hold {deadman.key} to drive; let go to stop; Space ends the step")
                 deadman.wait()
@@ -130,12 +168,12 @@ def _drive(car: RemoteCar, step: DrivenStep, so_far: CalibrationProgress, *, alw
     return []
 
 
-def _tape(car: RemoteCar, so_far: CalibrationProgress) -> list[Proposal]:
+def _tape(open_link: OpenLink, so_far: CalibrationProgress) -> list[Proposal]:
     """Measure the speed gain with a tape where the walls do not tell it."""
     step = DrivenStep(
         "speed, with a tape", "Mark the floor beside a rear wheel. The car drives forward and stays.", drive_tape
     )
-    _drive(car, step, so_far, always=False)
+    drive_step(open_link, step, so_far, always=False)
     reported_m = so_far.taped_m
     taped_m = (
         asked("  distance from the mark to the wheel [m], Enter for none: ", _length_m, None) if reported_m else None

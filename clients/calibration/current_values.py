@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from wallride.clients.calibration.steps import OUTLINE_WORDS, SERVO_ENDS
+from wallride.clients.calibration.steps import OUTLINE_WORDS
 from wallride.clients.calibration.ways import CalibrationError
 from wallride.clients.remote.car import RemoteCar
 from wallride.runtime.calibration import proposals
@@ -14,11 +14,16 @@ from wallride.runtime.settings.tree import load_settings
 NAMES = (
     proposals.SPEED_GAIN, proposals.WHEELBASE, proposals.SERVO_GAIN, proposals.SERVO_OFFSET, proposals.LIDAR_X,
     proposals.LIDAR_Y, proposals.LIDAR_YAW, proposals.LATENCY, proposals.ACTUATION, proposals.GRIP,
-    "car.steering_rate_radps", *SERVO_ENDS, *OUTLINE_WORDS,
+    "car.steering_rate_radps", *proposals.SERVO.ends, *OUTLINE_WORDS,
 )  # fmt: skip
 
-PULSES = "motor.throttle_us_per_mps"
-"""A setting of cars by servo pulses only."""
+PULSE_NAMES = (
+    proposals.WHEELBASE, proposals.MOST_STEERING, proposals.PULSE_GAIN, proposals.PULSE_CENTER, *proposals.PULSES.ends,
+    proposals.NEUTRAL, proposals.FORWARD, proposals.REVERSE, proposals.THROTTLE, proposals.BRAKE_PULSE,
+    "motor.throttle_reach_us", proposals.LIDAR_X, proposals.LIDAR_Y, proposals.LIDAR_YAW, proposals.GRIP,
+    *OUTLINE_WORDS,
+)  # fmt: skip
+"""Of a car by servo pulses."""
 
 
 def current_values(car: RemoteCar, path: Path | None) -> Mapping[str, float]:
@@ -27,9 +32,10 @@ def current_values(car: RemoteCar, path: Path | None) -> Mapping[str, float]:
     path: None for no file.
     """
     known = car.parameters.describe()
-    if PULSES in known:
+    if proposals.THROTTLE in known:
         raise CalibrationError(
-            f"{car.name} has no tachometer to calibrate by: measure its pulses by hand (docs/devices.md)"
+            f"{car.name} has no tachometer, and is measured without its process: sudo systemctl stop wallride, then"
+            " wallride calibrate in a terminal on its computer"
         )
     now = {name: float(known[name]["value"]) for name in NAMES if name in known}
     if path is None:

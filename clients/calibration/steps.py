@@ -16,6 +16,7 @@ from wallride.runtime.calibration.measured_car import (
 )
 from wallride.runtime.calibration.near_parts import sectors
 from wallride.runtime.calibration.proposals import Proposal
+from wallride.runtime.calibration.responses import Estimate
 
 SPEED, STEERING, LIDAR, PARTS, DELAY, BRAKE, OUTLINE = STEPS = (
     "speed", "steering", "lidar", "own-parts", "delay", "brake", "outline",
@@ -23,9 +24,11 @@ SPEED, STEERING, LIDAR, PARTS, DELAY, BRAKE, OUTLINE = STEPS = (
 BY_ARCS = frozenset({SPEED, STEERING, LIDAR, PARTS})
 OF_STEP: Mapping[str, frozenset[str]] = {
     SPEED: frozenset({proposals.SPEED_GAIN}),
-    STEERING: frozenset({proposals.WHEELBASE, proposals.SERVO_GAIN, proposals.SERVO_OFFSET}),
+    STEERING: frozenset({
+        proposals.WHEELBASE, *(name for names in proposals.STEERINGS for name in (names.gain, names.middle)),
+    }),
     LIDAR: frozenset({proposals.LIDAR_X, proposals.LIDAR_Y, proposals.LIDAR_YAW}),
-}
+}  # fmt: skip
 OUTLINE_WORDS = {
     "car.front_m": "from the rear axle to the front end of the car",
     "car.rear_m": "from the rear axle to the rear end",
@@ -34,14 +37,13 @@ OUTLINE_WORDS = {
 DEFAULT_DELAY_S = 0.02
 MIN_FORWARD_SHARE = 0.25
 """Share of the first way that the lidar must see: wheels in the air turn, and the car stays where it is."""
-SERVO_ENDS = ("motor.servo_min", "motor.servo_max")
 
 
 @dataclass(slots=True)
 class CalibrationProgress:
     """Values in effect, and what was measured so far. ruler: the wheelbase was measured with a ruler.
 
-    taped_m: way of the drive along a tape, as reported.
+    taped_m: way of the drive along a tape, as reported. deceleration_mps2: of the stops.
     """
 
     now: Mapping[str, float]
@@ -49,6 +51,7 @@ class CalibrationProgress:
     arcs: MeasuredArcs | None = None
     motor_delay_s: float = DEFAULT_DELAY_S
     taped_m: float | None = None
+    deceleration_mps2: Estimate | None = None
     notes: list[str] = field(default_factory=list)
 
 
@@ -75,24 +78,27 @@ def driven_steps(wanted: frozenset[str]) -> list[DrivenStep]:
     """Return the drives of the wanted steps, in order; the arcs come first, since delays need what they tell."""
     found = []
     if wanted & (BY_ARCS | {DELAY, BRAKE}):
-        found.append(DrivenStep("speed, steering, lidar, own parts", _room(ways.LONG_M), _arcs(wanted)))
+        found.append(DrivenStep("speed, steering, lidar, own parts", room(ways.LONG_M), arcs(wanted)))
     if wanted & {DELAY, BRAKE}:
-        found.append(DrivenStep("delays", _room(ways.WEAVE_M), _delays(wanted), needs_arcs=True))
+        found.append(DrivenStep("delays", room(ways.WEAVE_M), _delays(wanted), needs_arcs=True))
     if BRAKE in wanted:
         found.append(
-            DrivenStep("braking", f"{_room(ways.RUN_M)} It drives {ways.RUN_MPS} m/s.", _braking, needs_arcs=True)
+            DrivenStep("braking", f"{room(ways.RUN_M)} It drives {ways.RUN_MPS} m/s.", braking, needs_arcs=True)
         )
     return found
 
 
-def _room(way_m: float) -> str:
+def room(way_m: float) -> str:
+    """Return what the operator sees to before ways of this length."""
     return (
         f"Put the car in a room with walls or boxes all around, {way_m + ways.MARGIN_M:.1f} m free ahead of it and"
         " 1 m on both sides. It drives to and fro, and comes back to where it began."
     )
 
 
-def _arcs(wanted: frozenset[str]) -> Callable[[CalibratedCar, CalibrationProgress], Iterator[Proposal]]:
+def arcs(wanted: frozenset[str]) -> Callable[[CalibratedCar, CalibrationProgress], Iterator[Proposal]]:
+    """Return the drive of the arcs, which yields what the wanted steps measure of them."""
+
     def run(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Proposal]:
         now = so_far.now
         assumed = AssumedCar(
@@ -108,7 +114,7 @@ def _arcs(wanted: frozenset[str]) -> Callable[[CalibratedCar, CalibrationProgres
         so_far.notes += _parts(so_far.arcs, car) if PARTS in wanted else []
         names = frozenset().union(*(OF_STEP.get(step, frozenset()) for step in wanted))
         found = list(proposals.of_arcs(so_far.arcs.fit, now, ruler=so_far.ruler))
-        so_far.notes += _limits(found, now) if STEERING in wanted else []
+        so_far.notes += _limits(found, now) if STEERING in wanted and proposals.SERVO_GAIN in now else []
         yield from (one for one in found if one.name in names)
 
     return run
@@ -131,7 +137,8 @@ def _check_first(forward_m: float | None) -> None:
 def _limits(found: list[Proposal], now: Mapping[str, float]) -> list[str]:
     """Return how far the wheels turn within the servo's limits around the new middle."""
     new = {**now} | {one.name: one.new for one in found if one.new is not None}
-    angles_rad = sorted((new[end] - new[proposals.SERVO_OFFSET]) / new[proposals.SERVO_GAIN] for end in SERVO_ENDS)
+    ends = proposals.SERVO.ends
+    angles_rad = sorted((new[end] - new[proposals.SERVO_OFFSET]) / new[proposals.SERVO_GAIN] for end in ends)
     right_rad, left_rad = -angles_rad[0], angles_rad[1]
     words = f"{right_rad:.2f} rad to the right, {left_rad:.2f} rad to the left"
     return [f"steering within motor.servo_min and servo_max: {words}; widen them where the linkage allows more"]
@@ -165,13 +172,15 @@ def _delays(wanted: frozenset[str]) -> Callable[[CalibratedCar, CalibrationProgr
     return run
 
 
-def _braking(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Proposal]:
+def braking(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Proposal]:
+    """Drive fast, stop, and yield the grip."""
     if so_far.arcs is None:
         raise CalibrationError("the braking needs the arcs before it")
     begin_s = car.now_s
     ways.drive_stops(car)
     part = car.seen.trace().between(begin_s, car.now_s)
     deceleration = measure_braking(part, so_far.arcs, so_far.motor_delay_s)
+    so_far.deceleration_mps2 = deceleration
     so_far.notes.append(f"deceleration of a stop: {deceleration.as_text('m/s2')}")
     yield from proposals.of_braking(deceleration, so_far.now)
 

@@ -59,7 +59,9 @@ def stand(car: CalibratedCar, steering_rad: float = 0.0, scans: int = STAND_SCAN
         car.send(0.0, steering_rad)
         car.wait()
         if car.now_s - begin_s > STANDS_WITHIN_S:
-            raise CalibrationError("the car does not come to a stop: is the brake current of the motor 0?")
+            raise CalibrationError(
+                "the car does not come to a stop: is the brake current of the motor 0, or motor.brake_us no brake?"
+            )
     for _ in range(scans):
         car.send(0.0, steering_rad)
         car.wait()
@@ -76,11 +78,11 @@ def drive_varied(
     """Drive a way at a speed by the time since the beginning."""
     if way_m > 0:
         check_room(car, way_m)
-    begin_s, begin_m = car.now_s, _distance_m(car)
+    begin_s, begin_m = car.now_s, distance_m(car)
     limit = round((SLOWEST_SHARE * abs(way_m) / speed(0.0) + 2.0) * SCANS_HZ)
     waited = 0
     last_rad = steering(0.0)
-    while abs(_distance_m(car) - begin_m) < abs(way_m):
+    while abs(distance_m(car) - begin_m) < abs(way_m):
         since_s = car.now_s - begin_s
         last_rad = steering(since_s)
         car.send(math.copysign(speed(since_s), way_m), last_rad)
@@ -88,7 +90,7 @@ def drive_varied(
         waited += 1
         if waited > limit:
             raise CalibrationError(
-                f"{abs(_distance_m(car) - begin_m):.2f} m in {since_s:.0f} s: the car does not move; is it blocked"
+                f"{abs(distance_m(car) - begin_m):.2f} m in {since_s:.0f} s: the car does not move; is it blocked"
                 " or disarmed? `wallride status` says what it waits for"
             )
     stand(car, last_rad, 0)
@@ -105,23 +107,31 @@ def drive_first(car: CalibratedCar) -> None:
 
 def drive_arcs(car: CalibratedCar) -> None:
     """Drive to and fro: straight, to the left, to the right, and in wider bends."""
+    stand(car, 0.0, 0)
+    start_m = distance_m(car)
     for steering_rad, long_m in (
         (0.0, LONG_M), (BEND_RAD, WAY_M), (-BEND_RAD, WAY_M), (0.0, SHORT_M), (BEND_RAD / 2, WAY_M),
         (-BEND_RAD / 2, WAY_M),
     ):  # fmt: skip
-        for way_m in (long_m, -long_m):
-            stand(car, steering_rad)
-            drive_way(car, way_m, WALK_MPS, _always(steering_rad))
+        drive_there_and_back(car, long_m, steering_rad, start_m)
     _finish(car)
+
+
+def drive_there_and_back(car: CalibratedCar, way_m: float, steering_rad: float, start_m: float) -> None:
+    """Drive a bend forward and back to where the car started: one that rolls out gets no farther from there."""
+    stand(car, steering_rad)
+    drive_way(car, way_m, WALK_MPS, _always(steering_rad))
+    stand(car, steering_rad)
+    drive_way(car, start_m - distance_m(car), WALK_MPS, _always(steering_rad))
 
 
 def drive_straight(car: CalibratedCar) -> float:
     """Drive forward, stay there, and return the way by the motor's report."""
     stand(car, 0.0, 6)
-    begin_m = _distance_m(car)
+    begin_m = distance_m(car)
     drive_way(car, LONG_M, WALK_MPS, _always(0.0))
     _finish(car)
-    return _distance_m(car) - begin_m
+    return distance_m(car) - begin_m
 
 
 def drive_weaves(car: CalibratedCar) -> None:
@@ -140,12 +150,13 @@ def drive_weaves(car: CalibratedCar) -> None:
 
 def drive_stops(car: CalibratedCar) -> None:
     """Drive fast for this purpose, and stop; back at walking speed."""
+    stand(car, 0.0, 0)
+    begin_m = distance_m(car)
     for _ in range(RUNS):
         stand(car, 0.0, 6)
-        begin_m = _distance_m(car)
         drive_way(car, RUN_M, RUN_MPS, _always(0.0))
         stand(car, 0.0, 16)
-        drive_way(car, begin_m - _distance_m(car), WALK_MPS, _always(0.0))
+        drive_way(car, begin_m - distance_m(car), WALK_MPS, _always(0.0))
     _finish(car)
 
 
@@ -169,7 +180,8 @@ def _stands(car: CalibratedCar) -> bool:
     return bool(car.seen.motor) and abs(car.seen.motor[-1][2]) < STANDS_BELOW_MPS
 
 
-def _distance_m(car: CalibratedCar) -> float:
+def distance_m(car: CalibratedCar) -> float:
+    """Return the way so far, as the car reports it."""
     if not car.seen.motor:
         raise CalibrationError("the motor controller reports nothing: what does `wallride status` say of it?")
     return car.seen.motor[-1][1]

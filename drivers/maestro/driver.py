@@ -35,7 +35,8 @@ class Maestro(PwmMotor):
         super().__init__(settings, clock=clock)
         self._serial = settings
 
-    async def _open(self) -> "MaestroPort":
+    async def open_port(self) -> "MaestroPort":
+        """Open the port, and see whether it is guarded."""
         link = await open_link(parse_address(self._serial.address), self._clock)
         link.tap = self.tap
         port = MaestroPort(link, self._serial, self._clock)

@@ -24,7 +24,8 @@ class Pca9685(PwmMotor):
         super().__init__(settings, clock=clock)
         self._chip, self._open_bus = settings, open_bus or _opener(settings.socket)
 
-    async def _open(self) -> "Pca9685Port":
+    async def open_port(self) -> "Pca9685Port":
+        """Open the bus, and set the rate."""
         settings = self._chip
         where = f"PCA9685 at 0x{settings.chip:02x} of {settings.socket or f'/dev/i2c-{settings.bus}'}"
         try:

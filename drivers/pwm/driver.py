@@ -69,7 +69,7 @@ class PwmMotor(ABC):
         self.tap: Tap | None = None
 
     @abstractmethod
-    async def _open(self) -> PulsePort:
+    async def open_port(self) -> PulsePort:
         """Open the board and set it up, neither pulse changed yet; DriverError with the usual remedy."""
 
     @property
@@ -179,7 +179,7 @@ class PwmMotor(ABC):
         return min(max(drive.speed_mps, -most_mps), most_mps)
 
     async def _serve(self) -> Never:
-        self._port = port = await self._open()
+        self._port = port = await self.open_port()
         try:
             self._broken = None
             self._health.link = LinkState.STARTING

@@ -28,6 +28,8 @@ SLIP = 0.002
 HUBER_STDS = 2.5
 ROUNDS = 30
 MIN_ARCS = 4
+INNER_SHARE, SHORT_SHARE = 0.7, 0.06
+"""Share of the widest angle below which arcs are narrow; share by which the wheels may turn less than those say."""
 MIN_TURN_RAD = 0.15
 MAX_SPEED_STD, MAX_STEERING_STD, MAX_PLACE_STD_M, MAX_YAW_STD_RAD = 0.01, 0.02, 0.01, 0.006
 SLIDE_STD_M = 0.01
@@ -73,6 +75,22 @@ class ArcFit:
     lidar_yaw_rad: Estimate
     rms: float
     arcs: int
+
+
+def within_ends(arcs: Sequence[Arc]) -> list[Arc]:
+    """Return the arcs without those on which the wheels turned less than the narrower ones let expect.
+
+    There the linkage was at its end, which has no part in gain and middle.
+    """
+    steering = np.array([math.tan(arc.steering_rad) for arc in arcs])
+    curvature = np.array([arc.lidar.shift[2] / arc.way_m for arc in arcs])
+    inner = np.abs(steering) < INNER_SHARE * np.abs(steering).max(initial=0.0)
+    if np.count_nonzero(inner) < MIN_ARCS or not np.ptp(steering[inner]):
+        return list(arcs)
+    slope, middle = np.polyfit(steering[inner], curvature[inner], 1)
+    expected = np.abs(slope * steering)
+    followed = (curvature - middle) * np.sign(slope * steering)
+    return [arc for k, arc in enumerate(arcs) if inner[k] or followed[k] > (1 - SHORT_SHARE) * expected[k]]
 
 
 def fit_arcs(arcs: Sequence[Arc], assumed: AssumedCar) -> ArcFit:

@@ -8,13 +8,14 @@ from wallride.runtime.calibration.delays import middle_of_sweep_s
 from wallride.runtime.calibration.responses import Estimate, unidentified
 from wallride.runtime.calibration.scan_motion import motion_of_scans
 from wallride.runtime.calibration.stop_match import MAX_RANGE_M
-from wallride.runtime.calibration.trace import Trace
+from wallride.runtime.calibration.trace import STANDS_BELOW_MPS, Trace
 from wallride.runtime.control.perception.geometry import Booleans, Floats
 
 MIN_SPEED_MPS = 0.6
 STEADY_S = 0.3
 """Time before a stop in which the speed is taken to be steady."""
-STANDS_AFTER_S = 0.6
+STANDS_AFTER_S, LONGEST_S = 0.6, 3.0
+"""Least and greatest time of a stop."""
 MAX_DECELERATION_MPS2 = 15.0
 MIN_STOPS = 2
 
@@ -42,14 +43,16 @@ def stops_from_speed(trace: Trace) -> list[float]:
 
 
 def _deceleration(trace: Trace, at_s: float, delay_s: float, ignored: Booleans | None) -> float | None:
-    part = trace.between(at_s - STEADY_S, at_s + STANDS_AFTER_S + 0.6)
+    reported_s = trace.motor_s[(trace.motor_s > at_s) & (np.abs(trace.speed_mps) < STANDS_BELOW_MPS)]
+    stands_s = max(at_s + STANDS_AFTER_S, float(reported_s.min(initial=at_s + LONGEST_S)))
+    part = trace.between(at_s - STEADY_S, stands_s + 0.6)
     if len(part.scan_s) < 8:
         return None
     ranges_m = part.ranges_m if ignored is None else np.where(ignored, np.nan, part.ranges_m)
     times_s = middle_of_sweep_s(part)
     motion = motion_of_scans(times_s, ranges_m, part.kind, MAX_RANGE_M)
     along_m = _along(motion.x_m, motion.y_m)
-    steady, stands = times_s < at_s + delay_s, times_s > at_s + STANDS_AFTER_S
+    steady, stands = times_s < at_s + delay_s, times_s > stands_s
     if np.count_nonzero(steady) < 3 or not stands.any():
         return None
     speed_mps, begin_m = np.polyfit(times_s[steady] - at_s, along_m[steady], 1)

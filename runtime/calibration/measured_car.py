@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from itertools import pairwise
 
-from wallride.runtime.calibration.arc_fit import Arc, ArcFit, AssumedCar, fit_arcs
+import numpy as np
+
+from wallride.runtime.calibration.arc_fit import Arc, ArcFit, AssumedCar, fit_arcs, within_ends
 from wallride.runtime.calibration.braking import fit_braking
 from wallride.runtime.calibration.delays import DelayFit, KnownMotion, fit_motor, fit_servo
 from wallride.runtime.calibration.near_parts import near_parts_m, seen_beams
@@ -38,7 +40,7 @@ def measure_arcs(trace: Trace, assumed: AssumedCar) -> MeasuredArcs:
         shift = measure_shift(trace, before, after, ignored)
         if shift is not None:
             arcs.append(Arc(way_m, steering_between(trace, before, after), shift))
-    return MeasuredArcs(fit_arcs(arcs, assumed), part_m)
+    return MeasuredArcs(fit_arcs(within_ends(arcs), assumed), part_m)
 
 
 def measure_forward_m(trace: Trace) -> float | None:
@@ -50,6 +52,25 @@ def measure_forward_m(trace: Trace) -> float | None:
             if found is not None and found.std[0] < MIN_WAY_M / 2:
                 return found.shift[0]
     return None
+
+
+def measure_locks(
+    trace: Trace, ignored: Booleans, wheelbase_m: float, lidar_m: tuple[float, float]
+) -> list[tuple[float, float]]:
+    """Return the reported and the driven wheel angle of each way. lidar_m: its place, ahead and to the left."""
+    found = []
+    for before, after in pairwise(find_stops(trace)):
+        shift = measure_shift(trace, before, after, ignored)
+        if shift is None or abs(after.distance_m - before.distance_m) < MIN_WAY_M:
+            continue
+        x_m, y_m, turn_rad = shift.shift
+        cos, sin = np.cos(turn_rad), np.sin(turn_rad)
+        at_x = x_m + lidar_m[0] - cos * lidar_m[0] + sin * lidar_m[1]
+        at_y = y_m + lidar_m[1] - sin * lidar_m[0] - cos * lidar_m[1]
+        chord_m = at_x * np.cos(turn_rad / 2) + at_y * np.sin(turn_rad / 2)
+        curvature = turn_rad * np.sinc(turn_rad / np.pi / 2) / chord_m
+        found.append((steering_between(trace, before, after), float(np.arctan(curvature * wheelbase_m))))
+    return found
 
 
 def measure_delays(trace: Trace, arcs: MeasuredArcs, rate_radps: float) -> tuple[DelayFit, DelayFit]:

@@ -3,19 +3,46 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from wallride.runtime.calibration.arc_fit import ArcFit
+from wallride.runtime.calibration.arc_fit import SHORT_SHARE, ArcFit
 from wallride.runtime.calibration.delays import DelayFit
 from wallride.runtime.calibration.responses import Estimate
+from wallride.runtime.calibration.throttle_fit import ThrottleFit
 from wallride.runtime.control.vehicle import GRAVITY_MPS2
 
 SPEED_GAIN, WHEELBASE = "motor.speed_to_erpm_gain", "car.wheelbase_m"
 SERVO_GAIN, SERVO_OFFSET = "motor.steering_to_servo_gain", "motor.steering_to_servo_offset"
+PULSE_GAIN, PULSE_CENTER = "motor.steering_us_per_rad", "motor.steering_center_us"
+NEUTRAL, FORWARD, REVERSE = "motor.neutral_us", "motor.forward_us", "motor.reverse_us"
+THROTTLE, BRAKE_PULSE = "motor.throttle_us_per_mps", "motor.brake_us"
 LIDAR_X, LIDAR_Y, LIDAR_YAW = "car.lidar_x_m", "car.lidar_y_m", "lidar.yaw_rad"
 LATENCY, ACTUATION, GRIP = "wall_follow.latency_s", "safety.actuation_s", "safety.grip_mu"
 HALF_SCAN_S = 0.0125
+MOST_STEERING = "car.max_steering_rad"
 BUILD_UP_S = 0.03
 """Time in which the deceleration builds up after the delay: as in the default of safety.actuation_s."""
+NO_LIDAR_Y = "not identified: a lidar farther to the left looks like a shorter way, which no tachometer tells; by tape"
 SWAPPED = "the car drove backward when asked forward: swap two motor phases, or invert the motor in VESC Tool"
+
+
+@dataclass(frozen=True, slots=True)
+class SteeringNames:
+    """Settings of a steering that is middle + gain * angle. digits: of the values written."""
+
+    gain: str
+    middle: str
+    ends: tuple[str, str]
+    digits: int
+
+
+SERVO, PULSES = STEERINGS = (
+    SteeringNames(SERVO_GAIN, SERVO_OFFSET, ("motor.servo_min", "motor.servo_max"), 4),
+    SteeringNames(PULSE_GAIN, PULSE_CENTER, ("motor.steering_min_us", "motor.steering_max_us"), 1),
+)
+
+
+def steering_names(now: Mapping[str, float]) -> SteeringNames:
+    """Return the names that a car with these settings has."""
+    return PULSES if PULSE_GAIN in now else SERVO
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,23 +62,52 @@ class Proposal:
 
 def of_arcs(fit: ArcFit, now: Mapping[str, float], *, ruler: bool) -> Iterator[Proposal]:
     """Yield speed, steering and the lidar's pose. ruler: the wheelbase was measured, so the servo's gain is wrong."""
+    names = steering_names(now)
     if fit.speed_factor.value < 0.0 and not fit.speed_factor.why:
-        for name in (SPEED_GAIN, SERVO_OFFSET, WHEELBASE, LIDAR_X, LIDAR_Y, LIDAR_YAW):
+        for name in (SPEED_GAIN, names.middle, WHEELBASE, LIDAR_X, LIDAR_Y, LIDAR_YAW):
             yield Proposal(name, now[name], None, SWAPPED)
         return
-    yield _proposal(SPEED_GAIN, now, fit.speed_factor, lambda factor: now[SPEED_GAIN] / factor, 1)
+    if SPEED_GAIN in now:
+        yield _proposal(SPEED_GAIN, now, fit.speed_factor, lambda factor: now[SPEED_GAIN] / factor, 1)
+    old = now[names.gain]
     reversed_ = fit.steering_factor.value < 0.0 and not fit.steering_factor.why
-    gain = now[SERVO_GAIN] / fit.steering_factor.value if ruler else -now[SERVO_GAIN] if reversed_ else now[SERVO_GAIN]
+    gain = old / fit.steering_factor.value if ruler else -old if reversed_ else old
     if ruler:
-        yield _proposal(SERVO_GAIN, now, fit.steering_factor, lambda factor: now[SERVO_GAIN] / factor, 4)
+        yield _proposal(names.gain, now, fit.steering_factor, lambda factor: old / factor, names.digits)
     else:
         if reversed_:
-            yield Proposal(SERVO_GAIN, now[SERVO_GAIN], gain, "left was right")
+            yield Proposal(names.gain, old, gain, "left was right")
         yield _proposal(WHEELBASE, now, fit.wheelbase_m, abs, 4)
-    yield _proposal(SERVO_OFFSET, now, fit.offset_rad, lambda rad: now[SERVO_OFFSET] - rad * gain, 4)
+    yield _proposal(names.middle, now, fit.offset_rad, lambda rad: now[names.middle] - rad * gain, names.digits)
     yield _proposal(LIDAR_X, now, fit.lidar_x_m, lambda m: m, 3)
-    yield _proposal(LIDAR_Y, now, fit.lidar_y_m, lambda m: m, 3)
+    if SPEED_GAIN in now:
+        yield _proposal(LIDAR_Y, now, fit.lidar_y_m, lambda m: m, 3)
+    else:
+        yield Proposal(LIDAR_Y, now[LIDAR_Y], None, NO_LIDAR_Y)
     yield _proposal(LIDAR_YAW, now, fit.lidar_yaw_rad, lambda rad: now[LIDAR_YAW] + rad, 4)
+
+
+def of_throttle(fit: ThrottleFit, now: Mapping[str, float]) -> Iterator[Proposal]:
+    """Yield the pulses of the throttle."""
+    for name, found in ((NEUTRAL, fit.neutral_us), (FORWARD, fit.forward_us), (REVERSE, fit.reverse_us)):
+        yield _proposal(name, now, found, lambda pulse_us: pulse_us, 0)
+    yield _proposal(THROTTLE, now, fit.us_per_mps, lambda us_per_mps: us_per_mps, 1)
+
+
+def of_lock(commanded_rad: float, driven_rad: float, now: Mapping[str, float]) -> Proposal:
+    """Return the linkage's end on the side of a commanded angle: the pulse from which on the wheels turn no further.
+
+    now: with gain and middle as they were measured.
+    """
+    end = PULSES.ends[commanded_rad * now[PULSE_GAIN] > 0]
+    if commanded_rad * driven_rad <= 0:
+        return Proposal(
+            end, now[end], None, f"{commanded_rad:.2f} rad were asked for, {driven_rad:.2f} rad were driven"
+        )
+    if abs(driven_rad) > abs(commanded_rad) * (1 - SHORT_SHARE):
+        return Proposal(end, now[end], now[end], f"the wheels follow as far as {driven_rad:.2f} rad")
+    pulse_us = now[PULSE_CENTER] + now[PULSE_GAIN] * driven_rad
+    return Proposal(end, now[end], float(round(pulse_us)), f"the wheels turn no further than {driven_rad:.2f} rad")
 
 
 def of_delays(servo: DelayFit, motor: DelayFit, now: Mapping[str, float]) -> Iterator[Proposal]:

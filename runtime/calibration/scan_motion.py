@@ -78,33 +78,52 @@ Kind = tuple[float, float, int]
 STILL: Shift = (0.0, 0.0, 0.0)
 
 
+class ScanChain:
+    """Lays each scan over the key before it. poses: of the lidar since the first scan, one for each scan taken."""
+
+    def __init__(self, kind: Kind, range_max_m: float) -> None:
+        self.poses: list[Shift] = []
+        self._kind, self._rays, self._range_max_m = kind, directions(*kind), range_max_m
+        self._stamp_s = -math.inf
+        self._key = ReferenceScan(np.empty((2, 0)), np.empty((2, 0)), np.empty(0, bool))
+        self._at, self._moved, self._speeds = STILL, STILL, np.zeros(3)
+
+    def take(self, stamp_s: float, sent_m: npt.NDArray[np.floating[Any]]) -> Shift:
+        """Return the pose of one scan, in order. sent_m: (beams,), NaN where nothing returns."""
+        ranges_m = sent_m.astype(np.float64)
+        ranges_m[~((ranges_m >= MIN_RANGE_M) & (ranges_m <= self._range_max_m))] = np.nan
+        points_m = self._rays * ranges_m
+        elapsed_s, self._stamp_s = stamp_s - self._stamp_s, stamp_s
+        if not 0.0 < elapsed_s < HOLE_S:
+            self._at = self.poses[-1] if self.poses else STILL
+            self._key, self._moved, self._speeds = _key(points_m, ranges_m), STILL, np.zeros(3)
+            self.poses.append(self._at)
+            return self._at
+        before = np.array(self._moved)
+        now, _ = lay_over(self._key, points_m, before + self._speeds * elapsed_s, self._kind)
+        self._speeds = SPEED_MEMORY * self._speeds + (1 - SPEED_MEMORY) * (now - before) / elapsed_s
+        self._moved = moved = (float(now[0]), float(now[1]), float(now[2]))
+        self.poses.append(_after(self._at, moved))
+        if math.hypot(moved[0], moved[1]) > KEY_EVERY_M or abs(moved[2]) > KEY_EVERY_RAD:
+            self._take_key(_key(points_m, ranges_m))
+        return self.poses[-1]
+
+    def _take_key(self, key: ReferenceScan) -> None:
+        """Count from the newest scan on."""
+        cos, sin = math.cos(self._moved[2]), math.sin(self._moved[2])
+        x, y, turn = self._speeds
+        self._key, self._at, self._moved = key, self.poses[-1], STILL
+        self._speeds = np.array([cos * x + sin * y, cos * y - sin * x, turn])
+
+
 def motion_of_scans(
     stamps_s: Floats, sent_m: npt.NDArray[np.floating[Any]], kind: Kind, range_max_m: float
 ) -> ScanMotion:
     """Return the motion of a lidar by its scans. stamps_s: (n,). sent_m: (n, beams), NaN where nothing returns."""
-    rays = directions(*kind)
-    ranges_m = sent_m.astype(np.float64)
-    ranges_m[~((ranges_m >= MIN_RANGE_M) & (ranges_m <= range_max_m))] = np.nan
-    poses, at = [STILL], STILL
-    key, moved, speeds = _key(rays * ranges_m[0], ranges_m[0]), STILL, np.zeros(3)
-    for scan in range(1, len(stamps_s)):
-        elapsed_s = float(stamps_s[scan] - stamps_s[scan - 1])
-        points_m = rays * ranges_m[scan]
-        if not 0.0 < elapsed_s < HOLE_S:
-            key, moved, speeds, at = _key(points_m, ranges_m[scan]), STILL, np.zeros(3), poses[-1]
-            poses.append(at)
-            continue
-        guess = np.array(moved) + speeds * elapsed_s
-        now, _ = lay_over(key, points_m, guess, kind)
-        speeds = SPEED_MEMORY * speeds + (1 - SPEED_MEMORY) * (now - np.array(moved)) / elapsed_s
-        moved = (float(now[0]), float(now[1]), float(now[2]))
-        poses.append(_after(at, moved))
-        if math.hypot(moved[0], moved[1]) > KEY_EVERY_M or abs(moved[2]) > KEY_EVERY_RAD:
-            key, at = _key(points_m, ranges_m[scan]), poses[-1]
-            cos, sin = math.cos(moved[2]), math.sin(moved[2])
-            speeds = np.array([cos * speeds[0] + sin * speeds[1], cos * speeds[1] - sin * speeds[0], speeds[2]])
-            moved = STILL
-    return _with_speeds(np.array(poses), stamps_s)
+    chain = ScanChain(kind, range_max_m)
+    for stamp_s, ranges_m in zip(stamps_s, sent_m, strict=True):
+        chain.take(float(stamp_s), ranges_m)
+    return _with_speeds(np.array(chain.poses), stamps_s)
 
 
 def _after(at: Shift, moved: Shift) -> Shift:

@@ -2,11 +2,13 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from wallride.runtime.calibration.scan_motion import Kind, ReferenceScan, Shift, lay_over, motion_of_scans
-from wallride.runtime.calibration.trace import Stop, Trace
+from wallride.runtime.calibration.trace import Stop, Trace, median_ranges_m
 from wallride.runtime.control.perception.geometry import Booleans, Floats, directions
 
 REACH = 8
@@ -44,6 +46,12 @@ def measure_shift(trace: Trace, before: Stop, after: Stop, ignored: Booleans | N
     chain = motion_of_scans(way.scan_s, ranges_m, trace.kind, MAX_RANGE_M)
     guess = np.array([chain.x_m[-1], chain.y_m[-1], chain.yaw_rad[-1]])
     return match_stops(trace.kind, _usable(before, ignored), _usable(after, ignored), guess)
+
+
+def tells_way(kind: Kind, scans_m: npt.NDArray[np.floating[Any]]) -> bool:
+    """Return whether scans (n, beams) of a standing car would tell how far it goes ahead."""
+    standing_m = _usable(Stop(0.0, 0.0, 0.0, median_ranges_m(scans_m)), None)
+    return match_stops(kind, standing_m, standing_m, np.zeros(3)).std[0] < UNTOLD_M / 2
 
 
 def match_stops(kind: Kind, before_m: Floats, after_m: Floats, guess: Floats) -> MeasuredShift:

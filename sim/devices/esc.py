@@ -21,7 +21,10 @@ NEUTRAL_WITHIN_US: Final = 20.0
 
 @dataclass(frozen=True, slots=True)
 class EscModel:
-    """How this car answers pulses, which its settings may say wrong. brake_a: of the farthest brake pulse."""
+    """How this car answers pulses, which its settings may say wrong.
+
+    brake_a: of the farthest brake pulse. shortest_us, longest_us: beyond these the linkage goes no further.
+    """
 
     neutral_us: float = 1500.0
     dead_us: float = 50.0
@@ -30,6 +33,8 @@ class EscModel:
     brake_reach_us: float = 300.0
     center_us: float = 1500.0
     us_per_rad: float = -1150.0
+    shortest_us: float = 0.0
+    longest_us: float = math.inf
     armed_after_s: float = 1.0
 
 
@@ -77,7 +82,8 @@ class EmulatedEsc:
     def pulse(self, steering_us: float, throttle_us: float, now_s: float) -> None:
         """Take both pulses."""
         self.pulses += 1
-        self.steering_rad = (steering_us - self.model.center_us) / self.model.us_per_rad
+        at_us = min(max(steering_us, self.model.shortest_us), self.model.longest_us)
+        self.steering_rad = (at_us - self.model.center_us) / self.model.us_per_rad
         self._throttle_us = throttle_us
         self._demand = self._obey(throttle_us, now_s)
         self._on_command(now_s, self._demand)

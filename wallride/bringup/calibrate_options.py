@@ -17,7 +17,8 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "calibrate",
         help="measure speed and steering gain, the lidar's pose, delays and braking by driving to and fro",
         description="Drives the car through short ways while you hold a key, shows each setting before and after, and"
-        " writes to its settings file what you accept. Run it on the car's computer, beside the running car.",
+        " writes to its settings file what you accept. Run it on the car's computer, beside the running car; by servo"
+        " pulses in its place.",
     )
     parser.add_argument(
         "steps", nargs="*", type=_step, action=_StepsAndFile, metavar="STEP",
@@ -61,9 +62,12 @@ def run(options: argparse.Namespace) -> int:
     """Calibrate; exit code 2 with one line for what the user can correct."""
     from wallride.clients.calibration.command import run as calibrate
     from wallride.clients.connection import ConnectionProblemError
+    from wallride.pulses import command as pulses
 
     options.config = options.config or default_config() or DEFAULT_CONFIG
     try:
+        if not options.undo and (settings := pulses.pulsed_settings(options.config)) is not None:
+            return pulses.run(options, settings)
         return calibrate(options)
     except ConnectionProblemError as error:
         return fail(str(error))

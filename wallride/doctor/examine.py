@@ -11,7 +11,7 @@ from wallride.doctor.condition import check_condition
 from wallride.doctor.findings import Finding, Level, fail, ok, warn
 from wallride.doctor.joystick import check_joystick
 from wallride.doctor.lidar import judge_lidar, look_at_lidar, remedy_of, scans_from_elsewhere
-from wallride.doctor.motor import judge_motor, look_at_motor
+from wallride.doctor.motor import CALIBRATE, judge_motor, judge_pulses, look_at_motor
 from wallride.doctor.motor_config import judge_app_config, read_app_config
 from wallride.doctor.network import check_network
 from wallride.doctor.places import colliding_places
@@ -20,6 +20,7 @@ from wallride.doctor.program import check_program
 from wallride.doctor.wheels_up import Ask, measure_wheels_up
 from wallride.drivers.api import DriverError
 from wallride.drivers.auto.settings import AutoLidarSettings
+from wallride.drivers.pwm.settings import PwmSettings
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.found_lidar import look_for
 from wallride.runtime.settings.scan_topic import TopicLidarSettings
@@ -119,6 +120,10 @@ async def _motor(settings: Settings, wheels_up: Ask | None) -> AsyncIterator[Fin
     report = await look_at_motor(settings.motor)
     for finding in judge_motor(report, settings.battery):
         yield finding
+    if report.state is not None and isinstance(settings.motor, PwmSettings):
+        yield judge_pulses(settings.motor)
+        if wheels_up is not None:
+            yield warn("wheels up", "not turned: this measures a VESC", CALIBRATE)
     if report.state is None or not isinstance(settings.motor, VescSettings):
         return
     for finding in judge_app_config(await read_app_config(settings.motor)):

@@ -8,6 +8,7 @@ from typing import Final
 from wallride.doctor.findings import Finding, fail, ok, warn
 from wallride.drivers.api import Health, LinkState, MotorState
 from wallride.drivers.pwm.driver import PwmMotor
+from wallride.drivers.pwm.settings import PwmSettings
 from wallride.drivers.vesc.driver import Vesc
 from wallride.drivers.vesc.replies import Firmware
 from wallride.runtime.control.battery import FULL_CELL_V, USB_ONLY_V, BatterySettings
@@ -27,6 +28,8 @@ MAX_BAD_REPLIES: Final = 15
 _POLL_S: Final = 0.02
 
 NO_TIMEOUT: Final = "stay within reach of its switch; of a Maestro set the serial timeout: docs/devices.md"
+CALIBRATE: Final = "put the car on the floor of a room: sudo systemctl stop wallride, sudo wallride calibrate"
+PULSES: Final = ("neutral_us", "forward_us", "reverse_us", "throttle_us_per_mps", "steering_center_us")
 REMEDIES: Final = (
     ("no such bus", "enable I2C (sudo raspi-config, or this computer's overlay), and see motor.bus"),
     ("no acknowledgement", "check the board's supply and wires; i2cdetect -y 1 shows its address for motor.chip"),
@@ -94,6 +97,15 @@ def judge_motor(report: MotorReport, battery: BatterySettings) -> list[Finding]:
         )
     found += [warn("motor timeout", words, NO_TIMEOUT) for words in report.bounds if "timeout" in words]
     return [*found, *([] if math.isnan(state.voltage_v) else [judge_battery(state.voltage_v, battery)])]
+
+
+def judge_pulses(settings: PwmSettings) -> Finding:
+    """Say whether the pulses of this car were ever measured."""
+    usual = type(settings)()
+    if all(getattr(settings, name) == getattr(usual, name) for name in PULSES):
+        return warn("pulses", "they are the defaults, of no car in particular", CALIBRATE)
+    words = f"neutral {settings.neutral_us:g} us, forward from {settings.forward_us:g} us"
+    return ok("pulses", f"{words}, {settings.throttle_us_per_mps:g} us for each m/s; wallride calibrate measures them")
 
 
 def _firmware(firmware: Firmware | None) -> Finding:

@@ -4,11 +4,13 @@ import asyncio
 
 import pytest
 
+from wallride.doctor.examine import _motor
 from wallride.doctor.findings import Level
 from wallride.doctor.motor import judge_motor, look_at_motor
 from wallride.drivers.maestro.settings import MaestroSettings
 from wallride.drivers.pca9685.settings import Pca9685Settings
 from wallride.runtime.control.battery import BatterySettings
+from wallride.runtime.settings.tree import Settings
 from wallride.sim.devices.esc import EmulatedEsc
 from wallride.sim.devices.maestro import MaestroEmulator
 
@@ -57,3 +59,17 @@ async def test_a_missing_bus_has_its_remedy():
     told = judge_motor(await look_at_motor(Pca9685Settings(bus=250)), BatterySettings())
     await asyncio.sleep(0)
     assert "enable I2C" in told[0].remedy
+
+
+async def test_pulses_that_nobody_measured_and_wheels_up_lead_to_the_calibration(tmp_path):
+    emulator = MaestroEmulator(EmulatedEsc(), clock=asyncio.get_running_loop().time)
+    emulator.start_serial(tmp_path / "maestro")
+    address = f"serial://{tmp_path / 'maestro'}"
+    settings = Settings.model_validate({"motor": {"driver": "maestro", "address": address}})
+    try:
+        told = {one.subject: one async for one in _motor(settings, lambda _question: True)}
+    finally:
+        emulator.close()
+    assert [told[name].level for name in ("pulses", "wheels up")] == [Level.WARN, Level.WARN]
+    assert "wallride calibrate" in told["pulses"].remedy
+    assert "wallride calibrate" in told["wheels up"].remedy
