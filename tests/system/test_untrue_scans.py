@@ -12,7 +12,6 @@ from wallride.runtime.control.perception import scene_agreement
 from wallride.runtime.control.perception.plausibility import BACKWARDS, HELD_OR_TURNED, TURNED, WRONG_SCALE
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.car.vehicle_settings import VehicleSettings
-from wallride.sim.devices.turning import TurningHead
 from wallride.sim.virtual.closed_loop import Case, drive
 from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.worlds import load_world
@@ -131,43 +130,6 @@ def test_a_blank_of_a_lidar_with_fewer_beams_stops_the_car_too(word, within_rad)
     assert scene_agreement.VANISHED in done.reasons
     places = done.pose[done.time_s >= FROM_S, :2]
     assert float(np.hypot(*np.diff(places, axis=0).T).sum()) < STOPS_WITHIN_M
-
-
-def noisy_from(from_s):
-    """Return what a head measures that shows one turn again and again, with 3 mm of noise on each sample."""
-    measured, random = TurningHead._measured, np.random.default_rng(3)
-
-    def measure(head, turns, head_deg, see):
-        if head._at_s < from_s:
-            return measured(head, turns, head_deg, see)
-        stored_mm = head._before[(turns % 1.0 * head._before.size).astype(np.intp)]
-        return np.where(stored_mm > 0, stored_mm + random.integers(-3, 4, stored_mm.size), 0)
-
-    return measure
-
-
-@pytest.mark.parametrize(("word", "world"), [("a1", "dead_end"), ("a1", "loop"), ("a2", "loop"), ("x2", "loop")])
-def test_a_slow_lidar_that_shows_one_turn_with_noise_is_named_and_the_car_stays_where_it_stops(
-    monkeypatch, word, world
-):
-    """The driver takes the car's motion out of a turn, which makes other scans of the stored one."""
-    monkeypatch.setattr(TurningHead, "_measured", noisy_from(FROM_S))
-    settings = load_settings(None, ["wall_follow.speed_mps=1.0"])
-    laws = LiveLaws(settings.wall_follow, settings.safety, settings.car)
-    done = drive(Case(load_world(world), duration_s=9.0, seed=1, turning=word), laws, laws)
-    assert done.contact is None
-    assert done.reasons[-1] == scene_agreement.STANDS
-    places = done.pose[done.time_s >= FROM_S, :2]
-    assert float(np.hypot(*np.diff(places, axis=0).T).sum()) < 1.3
-
-
-@pytest.mark.parametrize("word", ["a1", "x2"])
-@pytest.mark.parametrize("world", ["loop", "cluttered", "curved"])
-def test_a_slow_lidar_that_tells_the_truth_is_never_doubted(word, world):
-    settings = load_settings(None, ["wall_follow.speed_mps=1.0"])
-    laws = LiveLaws(settings.wall_follow, settings.safety, settings.car)
-    done = drive(Case(load_world(world), duration_s=10.0, seed=7, turning=word), laws, laws)
-    assert not (NAMED | {BACKWARDS, WRONG_SCALE, TURNED, HELD_OR_TURNED}) & set(done.reasons)
 
 
 @pytest.mark.parametrize("world", ["dead_end", "loop", "corridor", "doorway", "cluttered"])

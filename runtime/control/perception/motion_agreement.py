@@ -17,23 +17,13 @@ from enum import Enum
 
 import numpy as np
 
-from wallride.drivers.api import Correction, MotorState, Scan
+from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.perception.geometry import Floats
 from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.scan_displacement import (
-    Displacement,
-    Patches,
-    corrected_anew,
-    displacement,
-    patches_of,
-)
+from wallride.runtime.control.perception.scan_displacement import Displacement, Patches, displacement, patches_of
 
 WINDOW_M, WINDOW_RAD, WINDOW_S = 0.08, 0.15, 1.0
 """Minimum way or turn of a window, and its maximum duration."""
-WAITS_M = 0.25
-BENT_RAD = 0.1
-"""Maximum difference of the turns that were taken out of the two scans of a window, and the way for which a window
-waits for a scan alike: the servo lags behind what it is told, and bends the one scan more than the other."""
 ENOUGH_WINDOWS = 3
 MEMORY = 0.95
 """Weight of the windows before, at each new one."""
@@ -102,32 +92,22 @@ class _Key:
     """First scan of a window: its patches, time and pose."""
 
     patches: Patches
-    correction: Correction | None
     stamp_s: float
     pose: OdometryState
 
 
 class MotionAgreement:
-    """Collects the windows of a drive. `learn` once per scan, in order; about 0.4 ms where a window ends.
-
-    goes_on: whether the first way agreed. From then on a window may wait, and a stored turn has to be told; before, a
-    turned lidar has to be told soon.
-    """
+    """Collects the windows of a drive. `learn` once per scan, in order; about 0.4 ms where a window ends."""
 
     def __init__(self, lidar_m: complex) -> None:
         self._lidar_m = lidar_m
-        self.goes_on = False
         self.forget()
 
     def forget(self) -> None:
-        """Begin with the next scan."""
+        """Begin anew."""
         self._key: _Key | None = None
         self._motor: MotorState | None = None
         self._slipped_s = -math.inf
-        self.begin_anew()
-
-    def begin_anew(self) -> None:
-        """Begin with the next window."""
         self._squares, self._products = np.zeros((4, 4)), np.zeros(4)
         self._windows = 0
 
@@ -144,17 +124,14 @@ class MotionAgreement:
             moved_m, turn_rad = _moved(key.pose, pose)
             if abs(moved_m) < WINDOW_M and abs(turn_rad) < WINDOW_RAD:
                 return Agreement.UNKNOWN
-            if abs(moved_m) < WAITS_M and self.goes_on and _is_bent(key.correction, scan):
-                return Agreement.UNKNOWN
         else:
             key = None
         patches = patches_of(scan)
-        if key is not None and self.goes_on and _is_bent(key.correction, scan):
-            key = None
-        self._key = _Key(patches, scan.correction if self.goes_on else None, scan.stamp_s, pose)
-        if key is None or (found := _displaced(key, self._key, turn_rad)) is None:
+        self._key = _Key(patches, scan.stamp_s, pose)
+        found = displacement(key.patches, patches, turn_rad) if key is not None else None
+        if found is None:
             return Agreement.UNKNOWN
-        self._add(*found, moved_m)
+        self._add(found, moved_m)
         return self._answer()
 
     def _slips(self, motor: MotorState) -> bool:
@@ -163,15 +140,14 @@ class MotionAgreement:
             return False
         return abs(last.speed_mps) - abs(motor.speed_mps) > GRIP_MPS2 * (motor.stamp_s - last.stamp_s)
 
-    def _add(self, found: Displacement, taken_out: Floats, moved_m: complex) -> None:
-        """Add a window. taken_out: see `_displaced`. moved_m: shift of base_link by the wheels."""
+    def _add(self, found: Displacement, moved_m: complex) -> None:
+        """Add a window. moved_m: shift of base_link by the wheels."""
         swung_m = self._lidar_m * (cmath.rect(1.0, found.turn_rad) - 1.0)  # by the scene's own turn
         values, axes = np.linalg.eigh(found.information)
         variance = (WAY_SHARE * abs(moved_m + swung_m)) ** 2 + WAY_M**2
         weight = (axes * (values / (1.0 + values * variance))) @ axes.T
         x, y, u, v = moved_m.real, moved_m.imag, swung_m.real, swung_m.imag
         moves = np.array(((x, -y, u, -v), (y, x, v, u)))
-        moves[:, :2] -= taken_out
         weighted = moves.T @ weight
         self._squares = MEMORY * self._squares + weighted @ moves
         self._products = MEMORY * self._products + weighted @ (found.shift_m.real, found.shift_m.imag)
@@ -194,41 +170,6 @@ class MotionAgreement:
             is_open = stands < ALIKE and min(opposite, aside) < ALIKE
             return Agreement.HELD_OR_ASIDE if is_open else Agreement.UNKNOWN
         return Agreement.OPPOSITE if opposite < aside else Agreement.ASIDE
-
-
-def _is_bent(was: Correction | None, scan: Scan) -> bool:
-    """Return whether the turn that was taken out of a slow lidar's scan differs too much from that of the key."""
-    done = scan.correction
-    if was is None or done is None:
-        return False
-    sweep_s = abs(done.ray_s) * scan.ranges_m.size
-    return abs(done.yaw_rate_radps - was.yaw_rate_radps) * sweep_s > BENT_RAD
-
-
-def _displaced(key: _Key, now: _Key, turn_rad: float) -> tuple[Displacement, Floats] | None:
-    """Return the displacement of a window, and what the motion that was taken out of its turns changes of it, (2, 2).
-
-    A slow lidar's driver takes the wheels' motion out of a turn. Where they tell the truth, the whole of it is right,
-    and of a scene that stands nothing: so both scans are taken as if the motion of the first were in both, and the rest
-    is added by what is tried, as columns: by its part along the wheels' way, and across.
-    """
-    was, done = key.correction, now.correction
-    if was is None or done is None:
-        found = displacement(key.patches, now.patches, turn_rad)
-        return None if found is None else (found, np.zeros((2, 2)))
-    off_mps = complex(done.x_mps - was.x_mps, done.y_mps - was.y_mps)
-    found, along, across = (
-        displacement(key.patches, corrected_anew(now.patches, done, _with(was, done, share * off_mps)), turn_rad)
-        for share in (0j, 1.0 + 0j, 1j)
-    )
-    if found is None or along is None or across is None:
-        return None
-    more_m = along.shift_m - found.shift_m, across.shift_m - found.shift_m
-    return found, np.array([(one.real, one.imag) for one in more_m]).T
-
-
-def _with(was: Correction, done: Correction, more_mps: complex) -> Correction:
-    return Correction(was.x_mps + more_mps.real, was.y_mps + more_mps.imag, done.yaw_rate_radps, done.ray_s)
 
 
 def _moved(start: OdometryState, end: OdometryState) -> tuple[complex, float]:

@@ -58,12 +58,12 @@ class Plausibility:
     """
 
     def __init__(self, car: CarSettings) -> None:
-        self._samples, self._repeats = b"", False
+        self._samples = b""
         self._changed_at_m: float | None = None
         self._unlearnt: tuple[Percept, bool] | None = None
         self._is_compared = False  # of the unlearnt scan's samples
         self._stood_since_s: float | None = None
-        self._confirmed = self._rolls = False
+        self._confirmed = False
         self._motion = MotionAgreement(car.lidar_m)
         self._lidar_m = car.lidar_m
         self._scene, self._change = SceneAgreement(self._lidar_m), SuddenChange()
@@ -102,8 +102,7 @@ class Plausibility:
     def _compare(self, scan: Scan, motor: MotorState | None) -> None:
         """Compare the samples with those of the last scan."""
         samples = scan.ranges_m.tobytes()
-        self._repeats = samples == self._samples
-        if motor is None or not self._repeats:
+        if motor is None or samples != self._samples:
             self._samples, self._frozen = samples, ""
             self._changed_at_m = motor.distance_m if motor is not None else None
         elif self._changed_at_m is None:
@@ -130,16 +129,12 @@ class Plausibility:
             self._begin_anew()
             self._scene.forget()
             return
-        self._motion.goes_on = self._confirmed
         self._scene.learn(scan, self._samples, pose, motor.distance_m)
         if self._change.learn(scan, pose.yaw_rad) and self._confirmed:
             self._begin_anew()  # the lidar may have been turned; a view that agrees with the wheels again was not
         if self.motor_doubt:
             self._await_standstill(scan, motor)
-        elif self._confirmed:
-            if scan.correction is not None and not self._repeats:  # else `_scene` and `_frozen` tell
-                self._go_on(self._motion.learn(scan, motor, pose), scan, motor)
-        elif not self._turned:
+        elif not (self._confirmed or self._turned):
             self._conclude(self._motion.learn(scan, motor, pose))
 
     def forget_newest(self) -> None:
@@ -154,8 +149,7 @@ class Plausibility:
             self._scene = SceneAgreement(self._lidar_m)
 
     def _begin_anew(self) -> None:
-        self._confirmed = self._rolls = False
-        self._turned = ""
+        self._confirmed, self._turned = False, ""
         self._motion.forget()
 
     def _await_standstill(self, scan: Scan, motor: MotorState) -> None:
@@ -166,22 +160,10 @@ class Plausibility:
             self._stood_since_s, self.motor_doubt = None, ""
             self._begin_anew()
 
-    def _go_on(self, found: Agreement, scan: Scan, motor: MotorState) -> None:
-        """Judge the way after the first: of a car that rolls a scene that stands is an old one, or the car is held."""
-        if abs(motor.speed_mps) <= STANDING_MPS:
-            self._rolls = False
-        if found is Agreement.UNKNOWN:
-            return
-        if found is Agreement.STANDS and self._rolls:
-            self._scene.stands(scan)
-        self._rolls = self._rolls or found is Agreement.AGREES
-        self._motion.begin_anew()
-
     def _conclude(self, found: Agreement) -> None:
         match found:
             case Agreement.AGREES:
-                self._confirmed = self.believed = self._rolls = True
-                self._motion.begin_anew()
+                self._confirmed = self.believed = True
             case Agreement.STANDS:
                 self.believed = False
                 self._motion.forget()

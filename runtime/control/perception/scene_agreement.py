@@ -16,10 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wallride.drivers.api import Correction, Scan
+from wallride.drivers.api import Scan
 from wallride.runtime.control.perception.geometry import Floats, points_m, sector
 from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.scan_displacement import places_anew
 from wallride.runtime.control.perception.scan_shift import Shift, misfits_m
 
 BASE_M = 0.25
@@ -54,7 +53,7 @@ BLANK_SPREAD_M, BLANK_BEYOND_M = 0.5, 25.0
 """Maximum spread of the ranges, or their minimum, where they are no view."""
 BACK_SHARE, BACK_M = 0.5, 0.3
 """Share of what had vanished that is there again, and how near to its place, where the view is trusted again."""
-LIVE_M, NEIGHBOURS = 0.1, 2
+LIVE_M = 0.1
 STANDS_FOR_S = 1.0
 STANDING_MPS = 0.05
 REPEATED = "the lidar plays old scans: power-cycle it, check its cable"
@@ -148,11 +147,6 @@ class SceneAgreement:
             if self._standing >= STANDS_CHECKS and now.way_m - self._agreed_m <= AGREED_WITHIN_M:
                 self._doubt_view(base, now, STANDS)
 
-    def stands(self, scan: Scan) -> None:
-        """Doubt a scene that stands, as `MotionAgreement` found."""
-        if not self.doubt and self._kept:
-            self._doubt_view(self._kept[-1], _Kept(scan, self._kept[-1].pose, self._way_m), STANDS)
-
     def _surely_stands(self, base: _Kept, now: _Kept) -> bool:
         """Return whether nothing but standing fits, among many more answers: a few ms, and seldom asked."""
         moved = _moved(base.pose, now.pose)
@@ -204,27 +198,8 @@ def _changed_share(covered: Scan, now: Scan) -> float:
     if covered.ranges_m.shape != now.ranges_m.shape:
         return 1.0
     ahead = sector(now, -AHEAD_RAD, AHEAD_RAD)
-    if covered.correction is not None and now.correction is not None:
-        off_m = _beyond_neighbours_m(covered, now, covered.correction, now.correction)[ahead]
-    else:
-        off_m = np.abs(now.ranges_m[ahead] - covered.ranges_m[ahead])
+    off_m = np.abs(now.ranges_m[ahead] - covered.ranges_m[ahead])
     return float(np.mean(off_m > LIVE_M)) if off_m.size else 0.0  # NaN is not larger
-
-
-def _beyond_neighbours_m(covered: Scan, now: Scan, was: Correction, done: Correction) -> Floats:
-    """Return how far each range is beyond those near its bearing, had one motion been taken out of both turns.
-
-    The motion that a slow lidar's driver takes out of a turn changes the scan of a view that does not.
-    """
-    beams = now.ranges_m.size
-    beam = np.arange(0.0, beams)
-    places = points_m(now, slice(0, beams))
-    there, _ = places_anew(places[0] + 1j * places[1], beam, beams, done, was)
-    place = np.rint((np.angle(there) - now.angle_min_rad) / now.angle_step_rad)
-    near = np.where(np.isnan(place), beam, place).astype(np.intp)[:, None] + np.arange(-NEIGHBOURS, NEIGHBOURS + 1)
-    near_m, there_m = covered.ranges_m[near % beams], np.abs(there)
-    off_m: Floats = np.maximum(np.fmin.reduce(near_m, axis=1) - there_m, there_m - np.fmax.reduce(near_m, axis=1))
-    return off_m
 
 
 def _expected(base: _Kept, now: _Kept, lidar_m: complex, slip_rad: float = 0.0) -> tuple[Floats, Floats]:
