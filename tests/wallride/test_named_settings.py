@@ -73,7 +73,7 @@ def test_calibrate_writes_to_the_file_that_the_variable_names(tmp_path, monkeypa
 
     monkeypatch.setenv(CONFIG_VARIABLE, str(tmp_path / "car.toml"))
     monkeypatch.setattr("wallride.clients.calibration.command.run", calibrate)
-    assert calibrate_options.run(argparse.Namespace(config=None)) == 0
+    assert calibrate_options.run(argparse.Namespace(config=None, undo=False)) == 0
     assert taken == [tmp_path / "car.toml"]
 
 
