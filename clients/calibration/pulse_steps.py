@@ -33,7 +33,7 @@ def pulse_steps(wanted: frozenset[str]) -> list[DrivenStep]:
     """Return the drives of the wanted steps, in order; each later one drives by what those before it measured."""
     found = []
     if SPEED in wanted:
-        found.append(DrivenStep("throttle", room(pulse_ways.WAY_M) + BEHIND, _throttle))
+        found.append(DrivenStep("speed by the throttle", room(pulse_ways.WAY_M) + BEHIND, _throttle))
     if wanted & (BY_ARCS - {SPEED} | {BRAKE}):
         found.append(DrivenStep("steering, lidar, own parts", room(ways.LONG_M) + BEHIND, _bends(wanted)))
     if STEERING in wanted:

@@ -128,7 +128,7 @@ def test_a_lifted_car_is_told_so(car_toml, monkeypatch):
 
 
 def test_steps_that_are_not_wanted_are_not_driven():
-    assert [step.title for step in pulse_steps(frozenset({"speed"}))] == ["throttle"]
+    assert [step.title for step in pulse_steps(frozenset({"speed"}))] == ["speed by the throttle"]
     assert [step.title for step in pulse_steps(frozenset({"lidar"}))] == ["steering, lidar, own parts"]
     assert [step.title for step in pulse_steps(frozenset({"brake"}))] == ["steering, lidar, own parts", "braking"]
     assert [step.needs_arcs for step in pulse_steps(frozenset({"steering"}))] == [False, True]
