@@ -14,7 +14,7 @@ from wallride.drivers.api import Clock, DriverError, LinkLost, ProtocolError
 from wallride.drivers.link import ByteLink, open_link
 from wallride.drivers.maestro import codec
 from wallride.drivers.maestro.settings import MaestroSettings
-from wallride.drivers.pwm.driver import PwmMotor
+from wallride.drivers.pwm.driver import NO_TIMEOUT, PwmMotor
 
 CHECK_S: Final = 0.05
 SILENT_S: Final = 0.5
@@ -36,7 +36,7 @@ class Maestro(PwmMotor):
         self._serial = settings
 
     async def open_port(self) -> "MaestroPort":
-        """Open the port, and see whether it is guarded."""
+        """Open the port, and see whether its timeout guards it."""
         link = await open_link(parse_address(self._serial.address), self._clock)
         link.tap = self.tap
         port = MaestroPort(link, self._serial, self._clock)
@@ -49,12 +49,12 @@ class Maestro(PwmMotor):
 
 
 class MaestroPort:
-    """The open board. guarded: whether its serial timeout was seen to pass."""
+    """The open board. unguarded: "" where its serial timeout was seen to pass, and to end in neutral."""
 
     def __init__(self, link: ByteLink, settings: MaestroSettings, clock: Clock) -> None:
         self._link, self._settings, self._clock = link, settings, clock
         self.identity = "Pololu Maestro"
-        self.guarded = self.timed_out = False
+        self.unguarded, self.timed_out = NO_TIMEOUT, False
         self._lost = asyncio.ensure_future(link.lost())
         self._buffer = b""
         self._target = self._asked_target = 0
@@ -78,7 +78,8 @@ class MaestroPort:
         await self._pause(SILENT_S)
         self._ask()
         await self._pause(ANSWER_S)
-        self.guarded, self.timed_out = self.timed_out, False
+        self.unguarded = self._why_unguarded()
+        self.timed_out = False
 
     def _recognise(self) -> None:
         """Refuse what answers nothing, or not as a Maestro does."""
@@ -90,6 +91,17 @@ class MaestroPort:
                 f"{where}: output {channel} is at {position / 4:.0f} us where {self._target / 4:.0f} us are wanted"
                 " (a Maestro? is that output a servo's, without a speed limit?)"
             )
+
+    def _why_unguarded(self) -> str:
+        """Return what is wrong with the timeout that was waited for, by where it has left the throttle."""
+        settings = self._settings
+        if not self.timed_out or self._answer is None:
+            return NO_TIMEOUT
+        went_us = self._answer[0] / codec.PER_US
+        low_us, high_us = sorted((settings.reverse_us, settings.forward_us))
+        if low_us <= went_us <= high_us:
+            return ""
+        return f"its board's timeout goes to {went_us:.0f} us, which drives (neutral is {settings.neutral_us:.0f} us)"
 
     def write(self, steering_pulse_us: float, throttle_pulse_us: float) -> None:
         """Write both pulses, and a question unless one waits for its answer."""

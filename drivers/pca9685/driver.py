@@ -8,7 +8,7 @@ from wallride.drivers.api import Clock, DriverError, LinkLost
 from wallride.drivers.pca9685 import codec
 from wallride.drivers.pca9685.bus import I2cBus, LinuxI2cBus, OpenBus, SocketI2cBus, lost
 from wallride.drivers.pca9685.settings import Pca9685Settings
-from wallride.drivers.pwm.driver import PwmMotor
+from wallride.drivers.pwm.driver import NO_TIMEOUT, PwmMotor
 
 CHECK_S: Final = 0.1
 WAKES_S: Final = 0.001
@@ -44,7 +44,7 @@ class Pca9685(PwmMotor):
 class Pca9685Port:
     """The open board. It keeps its pulses as long as it has power, whatever happens to the computer."""
 
-    guarded = False
+    unguarded = NO_TIMEOUT
     timed_out = False
 
     def __init__(self, settings: Pca9685Settings, where: str, bus: I2cBus) -> None:

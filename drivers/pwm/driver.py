@@ -23,14 +23,15 @@ UNGUARDED_MPS: Final = 1.5
 """Maximum speed with a board that goes on with its last pulse when nothing commands it any more."""
 BRAKES_FIRST_S: Final = 1.0
 """Time of a brake after a connection that was lost while the car drove: its ESC may have gone on."""
+NO_TIMEOUT: Final = "its board has no command timeout"
 ESTIMATE: Final = "speed by scans, an estimate"
 
 
 class PulsePort(Protocol):
-    """An open board. identity: what it is. guarded: whether it stops the car by itself without commands."""
+    """An open board. identity: what it is. unguarded: why it does not stop the car without commands, "" if it does."""
 
     identity: str
-    guarded: bool
+    unguarded: str
     timed_out: bool
 
     def write(self, steering_pulse_us: float, throttle_pulse_us: float) -> None:
@@ -86,14 +87,14 @@ class PwmMotor(ABC):
     def max_speed_mps(self) -> float:
         """Maximum speed with this board."""
         most_mps = self._settings.max_speed_mps
-        return most_mps if self._port is None or self._port.guarded else min(most_mps, UNGUARDED_MPS)
+        return most_mps if self._port is None or not self._port.unguarded else min(most_mps, UNGUARDED_MPS)
 
     @property
     def words(self) -> tuple[str, ...]:
         """What bounds the speed, in sentences."""
         if self._port is None or not self._ready:
             return ()
-        guard = "" if self._port.guarded else ": its board has no command timeout"
+        guard = f": {self._port.unguarded}" if self._port.unguarded else ""
         words = [f"the motor allows {self.max_speed_mps:.1f} m/s{guard}"]
         if self._loop.blind:
             words.append(f"the scans do not tell the speed: {self._settings.blind_speed_mps:.1f} m/s at most")

@@ -29,7 +29,7 @@ class MaestroEmulator(SensorPort):
     ) -> None:  # fmt: skip
         super().__init__(clock, seed=1)
         self.esc = esc
-        self.timeout_s, self.home_us = timeout_s, 1500.0
+        self.timeout_s, self.home_us = timeout_s, esc.model.neutral_us
         self.held_us: float | None = None
         self._throttle, self._steering = throttle, steering
         self._targets = {throttle: 0, steering: 0}

@@ -27,7 +27,7 @@ MAX_BAD_REPLIES: Final = 15
 """Of about 65; a busy computer misses some."""
 _POLL_S: Final = 0.02
 
-NO_TIMEOUT: Final = "stay within reach of its switch; of a Maestro set the serial timeout: docs/devices.md"
+NO_TIMEOUT: Final = "stay within reach of its switch; of a Maestro set serial timeout and neutral: docs/devices.md"
 CALIBRATE: Final = "put the car on the floor of a room: sudo systemctl stop wallride, sudo wallride calibrate"
 PULSES: Final = ("neutral_us", "forward_us", "reverse_us", "throttle_us_per_mps", "steering_center_us")
 REMEDIES: Final = (

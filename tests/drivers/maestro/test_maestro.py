@@ -85,6 +85,17 @@ async def test_without_a_timeout_it_is_slow_and_says_so(tmp_path):
         await rig.close()
 
 
+async def test_a_timeout_that_ends_in_a_driving_pulse_is_none(tmp_path):
+    rig = Rig(tmp_path)
+    rig.board.home_us = 1420.0  # set for another ESC; this one drives backward from 1450 on
+    try:
+        await rig.driving()
+        assert rig.driver.max_speed_mps == UNGUARDED_MPS
+        assert "its board's timeout goes to 1420 us, which drives (neutral is 1500 us)" in rig.driver.words[0]
+    finally:
+        await rig.close()
+
+
 async def test_unplugged_it_is_absent_with_its_reason(rig):
     await rig.driving()
     rig.board.unplug()
