@@ -24,10 +24,12 @@ from wallride.sim.world.place import World
 from wallride.sim.world.pose import Floats, Pose, Side, Twist
 
 AFTER_CRASH_S = 0.5
+AFTER_LAPS_S = 1.0
+"""Time for which the car goes on after its laps: it counts its own, and tells of the last one a little later."""
 
 
 class WorldScene:
-    """World with the car in it; ends after the requested laps, or shortly after a crash.
+    """World with the car in it; ends shortly after the requested laps, or after a crash.
 
     back_to: where a car that touched something is put, and the drive goes on; None: a crash ends it.
     contacts: number of times that it touched something.
@@ -65,10 +67,11 @@ class WorldScene:
 
     @property
     def finished(self) -> bool:
-        """Return whether all laps are done, or the car crashed a moment ago."""
+        """Return whether all laps were done, or the car crashed, a moment ago."""
         if self._crashed_s is not None and self.back_to is None:
             return self._time_s - self._crashed_s > AFTER_CRASH_S
-        return self._wanted_laps is not None and len(self.lap_times_s) >= self._wanted_laps
+        done = self._wanted_laps is not None and len(self.lap_times_s) >= self._wanted_laps
+        return done and self._time_s - self._lap_started_s > AFTER_LAPS_S
 
     @property
     def ending(self) -> str:

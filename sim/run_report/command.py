@@ -12,7 +12,7 @@ from wallride.sim.recordings import RecordingError
 from wallride.sim.replay.figures import truth_of
 from wallride.sim.replay.opening import OpenedRecording, open_any
 from wallride.sim.replay.run import run_of
-from wallride.sim.run_report.matched_path import matched_path
+from wallride.sim.run_report.matched_path import told_path
 from wallride.sim.run_report.page import page
 from wallride.sim.run_report.shown import Shown, shown
 
@@ -39,7 +39,7 @@ def _shown(file: Path, tag: str, options: argparse.Namespace) -> Shown:
             " `wallride replay --set` decides the drive again with other settings."
         )
     told = shown(run_of(opened.log), _truth(file, options.summary if file == options.file else None), tag)
-    return replace(told, run=replace(told.run, path=matched_path(opened.log, told.run)))
+    return replace(told, run=replace(told.run, path=told_path(opened.log, told.run)))
 
 
 def _truth(file: Path, summary: Path | None) -> Mapping[str, Any] | None:

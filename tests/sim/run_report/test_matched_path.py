@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from tests.sim.replay.recorded import record
-from wallride.sim.replay.drive_log import read_log
+from wallride.runtime.ros import messages
+from wallride.runtime.ros.definitions import TYPES
+from wallride.sim.replay.drive_log import NS, DriveLog, LoggedMessage, read_log
 from wallride.sim.replay.run import run_of
-from wallride.sim.run_report.matched_path import matched_path
+from wallride.sim.run_report.matched_path import matched_path, told_path
 from wallride.sim.run_report.page import page
 from wallride.sim.run_report.shown import shown
 from wallride.sim.run_report.track import spans
@@ -47,3 +49,27 @@ def test_what_the_scans_do_not_tell_stays_as_it_is(driven, run):
     standing.path = replace(standing.path, speed_mps=np.zeros_like(standing.path.speed_mps))
     assert matched_path(log, standing) is standing.path
     assert "By odometry, with the walls" in page(shown(run))
+
+
+def posed(log, run, times_s):
+    """Return the log with poses on a map, 10 m north of what the odometry says."""
+    told = []
+    for at_s in times_s:
+        stamp_ns = round((run.zero_unix_s + at_s) * NS)
+        x_m, y_m = (float(np.interp(at_s, run.path.time_s, part)) for part in (run.path.x_m, run.path.y_m))
+        payload = messages.pose(stamp_ns, x_m, 10.0 + y_m, 0.5, 0.02, 0.01)
+        told.append(LoggedMessage("pose", TYPES["pose"], stamp_ns, payload))
+    return DriveLog(log.name, [*log.messages, *told], log.metadata)
+
+
+def test_poses_on_the_map_count_more_where_they_are_known_all_the_way(driven):
+    log, _ = driven
+    run = run_of(log)
+    every_s = np.arange(0.0, run.duration_s, 0.1)
+    found = told_path(posed(log, run, every_s), run)
+    assert (found.by, found.drifts) == ("poses on the map", False)
+    assert np.abs(found.y_m - run.path.y_m - 10.0).max() < 0.2
+    assert np.allclose(found.yaw_rad, 0.5)
+    gap = posed(log, run, every_s[(every_s < 3.0) | (every_s > 4.0)])
+    assert told_path(gap, run).by == "matched scans", "1.5 m without a pose"
+    assert told_path(log, run).by == "matched scans"
