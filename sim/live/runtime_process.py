@@ -12,7 +12,7 @@ from pathlib import Path
 
 STOP_TIMEOUT_S = 20.0
 """Timeout of a stop: closing a recording on a busy computer with a slow disk takes seconds."""
-REMEMBERED_LINES = 200
+REMEMBERED_LINES = 400
 _LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None
 _PR_SET_PDEATHSIG = 1
 
