@@ -42,7 +42,8 @@ def page(*runs: Shown) -> str:
         *(section(one.tagged("Through the sharpest turn"), chart, ABOUT_TURN)
           for one in runs if (chart := sharpest_turn(one.run))),
         _each(runs, "How often which error", lambda one: histogram(one.run.error.value, "m", BIN_M)),
-        _each(runs, "Who decided", lambda one: tables.winners(one.numbers) + reasons_table(one.run)),
+        _each(runs, "Who decided", lambda one: tables.winners(one.numbers) + reasons_table(one.run),
+              "The bars are the car's own account, up to its last status; the table counts the recorded decisions."),
         *(section(one.tagged(f"Faults ({len(one.run.faults)})"), faults_table(one.run, one.tag), ABOUT_FAULTS)
           for one in runs),
         *(section(one.tagged(f"Stops ({len(one.found)})"), stops_table(one.found, one.run, one.tag)) for one in runs),
