@@ -117,7 +117,7 @@ def test_the_fixed_frame_is_published_once_and_kept():
 
 def test_a_map_is_published_once_and_kept_for_subscribers_that_come_later():
     bus, sink = joined()
-    assert sink.claim(topics.MAP, 1.0), "nobody listens yet"
+    assert sink.claim(topics.MAP, 1.0), "there is no reader yet"
     sink.take(topics.MAP, TYPES[topics.MAP], 1.0, b"map")
     key, payload, _, note = bus.latched[-1]
     assert (key, payload) == (key_of(topics.MAP), b"map")
