@@ -37,14 +37,22 @@ FROM_M, WITHIN_M = 0.75, 5.0
 five, with the middle one an outlier, two. Farther, the beams are wider apart than a pole."""
 FORGOTTEN_S = 0.1
 """Maximum gap between scans of 40 Hz; after a longer one, returns cannot be associated with the same object."""
+FINE_RAD = math.radians(0.3)
+"""Angle between beams up to which three beams hit a pole of 2 cm nearer than FROM_M."""
+HELD_WITHIN_M = 1.5
+"""Range within which a confirmed thin obstacle is held on to where the beams are wider apart than FINE_RAD."""
+HELD_WITHOUT = 1
+"""Number of scans in a row without a return from it after which it is no longer held."""
 
 
 class ThinObstacles:
-    """Tracks the thin candidates of the last scans, in the odometry frame."""
+    """Tracks the thin candidates of the last scans, in the odometry frame; with few beams also what was confirmed."""
 
     def __init__(self) -> None:
         self._before: tuple[Places, ...] = ()
         self._stamp_s = -math.inf
+        self._held_m = NOWHERE  # in the odometry frame
+        self._without = np.empty(0, np.intp)
 
     def update(self, view: View, pose: OdometryState, stamp_s: float) -> Places:
         """Return the points, (k,) in base_link, of confirmed thin obstacles: of this scan and of the previous ones.
@@ -55,10 +63,30 @@ class ThinObstacles:
         self._stamp_s = stamp_s
         thin_m, seen = find_thin_places(view, pose)
         self._before = (*before[2 - SCANS :], thin_m)
-        if len(before) < SCANS - 1 or not seen.size:
-            return NOWHERE
-        there_m = find_returning(seen, before, pose.x_m, pose.y_m, pose.yaw_rad)
+        there_m = None
+        if len(before) == SCANS - 1 and seen.size:
+            there_m = find_returning(seen, before, pose.x_m, pose.y_m, pose.yaw_rad)
+        if abs(view.scan.angle_step_rad) > FINE_RAD:
+            return self._hold(view, pose, NOWHERE if there_m is None else there_m)
         return NOWHERE if there_m is None else there_m
+
+    def _hold(self, view: View, pose: OdometryState, confirmed_m: Places) -> Places:
+        """Return what is confirmed now, and what was and still returns, (k,) in base_link.
+
+        Nearer than FROM_M nothing is confirmed, because dirt reads as that; but where beams are wide apart, fewer than
+        three hit a pole there, or two and an outlier. Any return from the place of a confirmed one is its return.
+        """
+        turned, at_m = cmath.rect(1.0, pose.yaw_rad), complex(pose.x_m, pose.y_m)
+        held_m = (self._held_m - at_m) / turned
+        near_m = places_m(view.x_m, view.y_m, (view.ranges_m < HELD_WITHIN_M + SAME_RANGE_M).nonzero()[0])
+        returns = (np.abs(held_m[:, None] - near_m) < SAME_RANGE_M).any(axis=1)
+        without = np.where(returns, 0, self._without + 1)
+        kept = (without <= HELD_WITHOUT) & (np.abs(held_m - view.lidar_m) < HELD_WITHIN_M)
+        newly_m = confirmed_m[np.abs(confirmed_m - view.lidar_m) < HELD_WITHIN_M]
+        kept &= ~(np.abs(held_m[:, None] - newly_m) < SAME_RANGE_M).any(axis=1)  # the same thing, seen better
+        self._held_m = np.concatenate([newly_m * turned + at_m, self._held_m[kept]])
+        self._without = np.concatenate([np.zeros(newly_m.size, np.intp), without[kept]])
+        return np.concatenate([confirmed_m, held_m[kept]])
 
 
 @accelerated

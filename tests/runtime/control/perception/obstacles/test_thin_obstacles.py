@@ -166,3 +166,58 @@ def test_a_beam_that_is_known_to_be_dirty_makes_no_thing():
             points = faint.update(view, OdometryState(), step * SCAN_S)
         found[known is None] = points.size
     assert found == {True: SCANS, False: 0}
+
+
+FEW_RAD = math.radians(1.0)
+
+
+def see_few(hits):
+    """View of a hall of 9 m by a lidar of 1 degree; hits: (x, y) in base_link, each hit by the beam nearest to it."""
+    ranges_m = np.full(360, 9.0, np.float32)
+    for x_m, y_m in hits:
+        dx = x_m - CAR.lidar_x_m
+        ranges_m[180 + round(math.atan2(y_m, dx) / FEW_RAD)] = math.hypot(dx, y_m)
+    return ViewCache(CAR).see(Scan(0.0, 0.0, -math.pi, FEW_RAD, 0.02, 12.0, ranges_m, 0))
+
+
+def approach(pole, ways_m, missed=()):
+    """Points of each scan of a lidar of 10 Hz and few beams while the car drives these ways toward a pole; base_link.
+
+    missed: numbers of scans in which another thing is seen instead.
+    """
+    faint, found = ThinObstacles(), []
+    for number, way_m in enumerate(ways_m):
+        at = (pole[0] - way_m, pole[1]) if number not in missed else (3.5, -1.0)
+        found.append(faint.update(see_few([at]), OdometryState(way_m), number * 0.025))
+    return found
+
+
+def test_with_few_beams_a_confirmed_pole_is_held_until_the_car_is_at_it():
+    ways_m = [0.1 * number for number in range(16)]
+    found = approach((2.0, 0.05), ways_m)
+    for way_m, points in zip(ways_m[SCANS - 1 :], found[SCANS - 1 :], strict=True):
+        assert points.size >= ENOUGH_POINTS
+        assert points.real == pytest.approx(2.0 - way_m, abs=0.05)
+
+
+def test_a_held_pole_may_be_missed_once_and_is_forgotten_after_the_second_time():
+    ways_m = [0.1 * number for number in range(16)]
+    assert approach((2.0, 0.05), ways_m, missed={14})[14].size >= ENOUGH_POINTS
+    assert approach((2.0, 0.05), ways_m, missed={14, 15})[15].size == 0
+    assert approach((2.0, 0.05), ways_m, missed={13})[15].size >= ENOUGH_POINTS
+
+
+def test_nothing_is_held_that_was_never_confirmed():
+    assert approach((1.1, 0.05), [0.0] * 10)[-1].size  # beyond FROM_M: confirmed where it stands
+    assert all(not points.size for points in approach((0.9, 0.05), [0.0] * 10))
+
+
+def test_of_two_held_poles_each_is_held_by_its_own_returns():
+    faint = ThinObstacles()
+    for number in range(SCANS):
+        both = faint.update(see_few([(1.3, 0.2), (1.3, -0.2)]), OdometryState(), number * 0.025)
+    assert {bool(y_m > 0) for y_m in both.imag} == {True, False}
+    for number in range(SCANS, SCANS + 2):
+        one = faint.update(see_few([(0.95, 0.2)]), OdometryState(0.35), number * 0.025)
+    assert one.size >= ENOUGH_POINTS
+    assert (one.imag > 0.0).all()
