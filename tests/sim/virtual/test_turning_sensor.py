@@ -10,7 +10,9 @@ from wallride.sim.lab.laws import build
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
 from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.obstacles import Box, Obstacle, StandingObstacle
+from wallride.sim.world.place import World
 from wallride.sim.world.pose import Pose
+from wallride.sim.world.segments import SegmentGeometry
 from wallride.sim.world.worlds import load_world
 from wallride.sim_options import LIDARS
 
@@ -54,6 +56,22 @@ def test_missing_returns_are_driven_with(word):
     run = drive_with(word, "corridor", 1.0, lidar=LidarSettings(noise_std_m=0.01, dropout_share=0.3))
     assert run.contact is None
     assert run.distance_m > 8.0
+
+
+@pytest.mark.parametrize(("missing_share", "drives"), [(0.3, True), (1.0, False)])
+def test_in_a_hall_a_third_may_be_missing_and_a_covered_one_stops(missing_share, drives):
+    corners = np.array([[-10.0, -7.0], [10.0, -7.0], [10.0, 7.0], [-10.0, 7.0]])
+    hall = World("", SegmentGeometry(np.hstack([corners, np.roll(corners, -1, axis=0)])), Pose(-8.0, 6.0, 0.0))
+    follower, guard = build("ball", "left", 1.0, 1.0)
+    lidar = LidarSettings(noise_std_m=0.01, outlier_share=0.005, dropout_share=missing_share)
+    run = drive(Case(hall, side="left", turning="x4", lidar=lidar, duration_s=20.0, seed=3), follower, guard)
+    assert run.contact is None
+    if drives:
+        assert run.distance_m > 15.0
+        assert not run.stops
+    else:
+        assert run.distance_m == 0.0
+        assert "lidar sees almost nothing" in run.reasons[-1]
 
 
 @pytest.mark.parametrize(("word", "most_mps"), [("a2", 2.0), ("x4", 1.4)])
