@@ -15,6 +15,7 @@ NOTICED_S = 2.5
 """Maximum time in which a silent or lost device is no longer READY."""
 FRESH_S = 0.15
 STALL_S = 0.7
+FIRST_STALL_S = 0.3
 
 
 class CarFailedError(Exception):
@@ -120,6 +121,21 @@ class LidarConformance(DeviceConformance[LidarBench, LidarRun]):
             assert spread_s > (len(burst) - 1.5) * period_s / 2, "a burst of old scans is stamped with its arrival"
             fresh = [scan for scan in burst if released_s - scan.stamp_s < FRESH_S]
             assert len(fresh) <= 2 + FRESH_S / period_s, "old scans are stamped as fresh"
+
+        self.drive(body)
+
+    def test_scans_that_come_first_and_together_have_stamps_of_their_own(self) -> None:
+        """The driver does not know yet how quick the link is, and two scans are in one read."""
+
+        async def body(drive: LidarRun) -> None:
+            for _ in range(2):
+                drive.bench.hold()
+                await drive.run_for(FIRST_STALL_S)
+                drive.bench.release()
+                await drive.more(4)
+                await drive.bench.unplug()
+                await drive.until(lambda: not drive.is_ready(), "not READY when unplugged", NOTICED_S)
+                await drive.bench.replug()
 
         self.drive(body)
 

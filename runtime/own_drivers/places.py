@@ -1,6 +1,8 @@
 """Where code of the user is just now: the line that waits, the line that calls, the line that holds up the loop."""
 
 import itertools
+import logging
+import os
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
@@ -14,6 +16,14 @@ from wallride.runtime.host.user_module import shown
 LOOK_S: Final = 0.05
 HANG_S: Final = 0.25
 """Time without a turn of the loop that is a fault of the driver whose code runs meanwhile."""
+SAID_S: Final = 1.0
+"""Time without a turn after which the log says where, because it may never turn again."""
+GIVEN_UP_S: Final = 10.0
+"""Time in one line of a driver without a turn after which the process ends: no signal is heard meanwhile, and without a
+service manager nothing else would end it. The motor controller's own timeout has braked long before."""
+LAST_WORDS_S: Final = 0.5
+"""Time for the thread that writes the log to do so."""
+log = logging.getLogger("wallride.own_drivers")
 
 
 def waiting_place(coroutine: Any, file: Path) -> str:  # noqa: ANN401 - coroutines, generators, futures
@@ -50,12 +60,13 @@ def as_the_cars(code: Callable[[], None]) -> None:
 class HangWatch:
     """A thread that notes the line of a file in which the loop stands still. Made and ticked by the loop's thread.
 
-    place: "FILE:LINE" of the newest such line, "" before.
+    place: "FILE:LINE" of the newest such line, "" before. give_up: ends the process.
     """
 
-    def __init__(self, file: Path, clock: Clock) -> None:
+    def __init__(self, file: Path, clock: Clock, give_up: Callable[[int], object] = os._exit) -> None:
         self.place = ""
-        self._file, self._clock = file, clock
+        self._file, self._clock, self._give_up = file, clock, give_up
+        self._words = 0  # said of the present standstill
         self._loops, self._ticked_s = threading.get_ident(), clock()
         self._over = threading.Event()
         threading.Thread(target=self._watch, name="own driver", daemon=True).start()
@@ -71,9 +82,23 @@ class HangWatch:
 
     def _watch(self) -> None:
         while not self._over.wait(LOOK_S):
-            if self._clock() - self._ticked_s > HANG_S:
+            if (late_s := self._clock() - self._ticked_s) > HANG_S:
                 frame = sys._current_frames().get(self._loops)  # noqa: SLF001 - as above
-                self.place = (frame is not None and holding_place(frame, self._file)) or self.place
+                self._note(late_s, holding_place(frame, self._file) if frame is not None else "")
+
+    def _note(self, late_s: float, place: str) -> None:
+        """Note where the loop stands; place: "" where no line of the file is at work."""
+        self.place = place or self.place
+        if late_s < SAID_S:
+            self._words = 0
+        elif place and self._words == 0:
+            self._words = 1
+            log.error("%s has held the car up for %.1f s, and does yet", place, late_s)
+        elif place and self._words == 1 and late_s > GIVEN_UP_S:
+            self._words = 2
+            log.critical("%s has held the car up for %.0f s: the process ends", place, late_s)
+        elif self._words == 2 and late_s > GIVEN_UP_S + LAST_WORDS_S:
+            self._give_up(1)
 
 
 def _place(frames: Iterable[FrameType], file: Path) -> str:

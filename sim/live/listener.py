@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import re
 import struct
 from collections.abc import Awaitable, Mapping
 from functools import partial
@@ -24,6 +25,8 @@ LONGEST_S = 2.0
 TOPICS = (topics.STATUS, topics.DISTANCE_ERROR)
 """Displayed topics only: the runtime has to write every subscribed one."""
 _FLOAT32 = struct.Struct("<4xf")
+_AMOUNT = re.compile(r"\d+(\.\d+)?(?= (s|m|deg)\b)")
+"""A number with a unit, which may differ each time that the same fault is told."""
 
 
 class Listener:
@@ -43,6 +46,7 @@ class Listener:
         self._replies: dict[str, Reply] = {}
         self._user_code = user_code
         self._faulty: frozenset[str] = frozenset()
+        self._told: dict[str, str] = {}
         self.own_faults: dict[str, int] = {}
         self.latest: dict[str, Mapping[str, Any]] = {}
         self.poses: list[tuple[float, float, float]] = []
@@ -130,6 +134,9 @@ class Listener:
             self.reasons_s[reason] = self.reasons_s.get(reason, 0.0) + min(max(since_s, 0.0), LONGEST_S)
 
     def _count_faults(self, faults: frozenset[str]) -> None:
-        for fault in sorted(faults - self._faulty):
-            self.own_faults[fault] = self.own_faults.get(fault, 0) + 1
-        self._faulty = faults
+        """Count those that begin; one that goes on with another number, as of its seconds, has not begun again."""
+        kinds = {_AMOUNT.sub("", fault): fault for fault in faults}
+        for kind in sorted(kinds.keys() - self._faulty):
+            told = self._told.setdefault(kind, kinds[kind])
+            self.own_faults[told] = self.own_faults.get(told, 0) + 1
+        self._faulty = frozenset(kinds)

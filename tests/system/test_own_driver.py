@@ -110,6 +110,17 @@ async def test_a_driver_that_exits_in_its_ports_callback_ends_the_process_as_an_
         await car.until(lambda: car.wheel_mps == 0, "standing after the exit")
 
 
+async def test_a_line_that_never_returns_is_told_while_it_holds_the_car_up_and_ends_the_process(tmp_path):
+    async with bench(tmp_path, *settings(tmp_path, "while True: pass")) as car:
+        await car.until_driving()
+        said = "late_driver.py:30 has held the car up for 1."
+        await car.until(lambda: any(said in text for text in car.runtime.log), "the line in the log")
+        await car.until(lambda: car.wheel_mps == 0, "standing")
+        await car.until(lambda: car.runtime.exit_code is not None, "its end", 20.0)
+        assert car.runtime.exit_code == 1
+        await car.until(lambda: any("s: the process ends" in text for text in car.runtime.log), "its last words")
+
+
 async def test_a_driver_that_does_not_end_does_not_keep_the_process(tmp_path):
     (tmp_path / "late_driver.py").write_text(
         "import asyncio\nfrom wallride.drivers.own import *\nclass Own(DriverSettings):\n    address: str = ''\n"

@@ -57,10 +57,10 @@ class LidarDriver:
         def on_bytes(chunk: bytes, read_at_s: float) -> None:
             nonlocal least_s, heard_s
             buffer.extend(chunk)
-            while (frame := take(buffer)) is not None:
-                sent_s, ranges_m = frame
-                # A frame that waited somewhere is late by its own clock, beside the quickest one.
-                least_s = min(least_s + 1e-5, read_at_s - sent_s)
+            frames = list(iter(lambda: take(buffer), None))
+            # A frame that waited somewhere is late by its own clock, beside the quickest one, maybe of this chunk.
+            least_s = min([least_s + 1e-5 * len(frames), *(read_at_s - sent_s for sent_s, _ in frames)])
+            for sent_s, ranges_m in frames:
                 heard_s = read_at_s
                 self.health.link, self.health.message = own.LinkState.READY, f"{ranges_m.size} beams"
                 self.health.identity = "example lidar"

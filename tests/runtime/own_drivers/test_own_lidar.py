@@ -3,6 +3,7 @@
 import asyncio
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from wallride.drivers.scan_check import ScanCheck
 from wallride.runtime.arbitration.inbox import Inbox
 from wallride.runtime.lidars import own_driver_mistakes
 from wallride.runtime.own_drivers.lidar import OwnLidar
-from wallride.runtime.own_drivers.places import calling_place, holding_place
+from wallride.runtime.own_drivers.places import GIVEN_UP_S, HangWatch, calling_place, holding_place
 from wallride.runtime.own_drivers.settings import OwnLidarSettings
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.virtual.virtual_time import run_virtual
@@ -238,6 +239,31 @@ async def test_a_driver_that_blocks_the_loop_is_told_with_its_line(driver_file):
     task.cancel()
     await asyncio.wait({task})
     assert f"{name} held the car up for 0." in one.health.message
+
+
+def test_a_line_that_does_not_return_is_told_once_and_ends_the_process_at_last(caplog):
+    ended = []
+    watch = HangWatch(Path("x.py"), lambda: 0.0, ended.append)
+    watch.end()
+    for late_s, place in (
+        (0.5, "x.py:7"),
+        (1.2, ""),
+        (1.3, "x.py:7"),
+        (5.0, "x.py:7"),
+        (0.5, "x.py:7"),
+        (1.1, "x.py:8"),
+    ):
+        watch._note(late_s, place)
+    assert caplog.messages == [
+        "x.py:7 has held the car up for 1.3 s, and does yet", "x.py:8 has held the car up for 1.1 s, and does yet",
+    ]  # fmt: skip
+    watch._note(GIVEN_UP_S + 1.0, "")  # no line of the driver is at work: the computer is busy, or the car's own code
+    assert len(caplog.messages) == 2
+    watch._note(GIVEN_UP_S + 1.1, "x.py:8")
+    assert caplog.messages[2] == "x.py:8 has held the car up for 11 s: the process ends"
+    assert not ended  # the words have to be written yet
+    watch._note(GIVEN_UP_S + 1.2, "x.py:8")
+    assert ended == [1]
 
 
 def test_a_law_that_hangs_inside_a_delivery_is_not_what_the_driver_holds_up(driver_file):

@@ -42,6 +42,14 @@ def test_the_beginnings_of_a_fault_are_counted():
     assert listener.own_faults == {FAULT: 2}
 
 
+def test_a_fault_that_goes_on_with_another_number_has_not_begun_again():
+    listener = Listener("tcp/127.0.0.1:1", "car1", "1", UserCode((), DRIVER))
+    key, silent = topics.key("car1", topics.STATUS), f"{DRIVER}: no scan for %s (it waits in my_lidar.py:%d)"
+    for text, line in (("0.5 s", 40), ("0.6 s", 40), ("2 s", 40), ("2 s", 44)):
+        listener._on_sample(key, topics.encode(status(lidar=f"faulty: {silent % (text, line)}")), 0.0)
+    assert listener.own_faults == {silent % ("0.5 s", 40): 1, silent % ("2 s", 44): 1}
+
+
 def test_for_how_long_the_car_decided_for_which_reason_is_summed():
     listener = Listener("tcp/127.0.0.1:1", "car1", "1")
     key = topics.key("car1", topics.STATUS)
