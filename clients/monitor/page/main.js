@@ -6,6 +6,7 @@ import { Device } from "./device.js";
 import { Driving } from "./controls/driving.js";
 import { Fleet } from "./fleet.js";
 import { Hands } from "./controls/hands.js";
+import { LapMap } from "./controls/lap_map.js";
 import { Laps } from "./laps.js";
 import { Link } from "./link.js";
 import { $, age, announce, number, setData, setHidden, setText } from "./look.js";
@@ -43,6 +44,7 @@ const fleet = new Fleet(link, openCar);
 const stopButton = new StopButton({ link, fleet, device, timings });
 const recordButton = new RecordButton(link);
 const calibration = new Calibration(link, hands);
+const lapMap = new LapMap(link);
 const laps = new Laps();
 let car = "";
 let watched = ""; // the last one, also while all are shown
@@ -119,6 +121,9 @@ function takeNews(topic) {
       break;
     case "calibration":
       calibration.show(message.value);
+      break;
+    case "lap_map":
+      lapMap.show(message.value);
       break;
   }
   wantFrame();
