@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from wallride.clients.answers import why_unanswered
 from wallride.clients.connection import another_car
 from wallride.clients.monitor.history import PlotHistory
+from wallride.clients.monitor.lap_watch import LapWatch
 from wallride.clients.monitor.outbox import FROM_CAR
 from wallride.clients.played import PlayedNames
 from wallride.runtime.wire import topics
@@ -52,6 +53,7 @@ class PageFeed:
     on, and it is sent nothing.
     round_trip_s: of a small query to the car, None when it does not answer. problem: why there is no session.
     malformed: beats that could not be read. history: what pages plot, also from before the feed.
+    lap: whether the lap that is driven has met its beginning.
     """
 
     def __init__(
@@ -70,6 +72,7 @@ class PageFeed:
         self._topics = {topics.key(car, topic): topic for topic in FROM_CAR}
         self._declared = False
         self._status = b"", -math.inf
+        self.lap = LapWatch()
 
     @property
     def is_by_keys(self) -> bool:
@@ -158,6 +161,7 @@ class PageFeed:
             if not self._is_meant():
                 return
             self.history.take(topic, payload, arrival_s)
+            self.lap.take(topic, payload)
             if topic == topics.STATUS:
                 self._status = payload, arrival_s
             for watcher in self.watchers:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -139,9 +140,10 @@ def map_words(told: Mapping[str, Any], recording: str) -> tuple[str, ...]:
     """Return the verdict in a sentence, and what it rests on."""
     about = f"{recording}: {told['way_m']:.1f} m of way in {told['keyframes']} places"
     if told["reasons"]:
-        return (f"The map is refused: {'; '.join(map(str, told['reasons']))}.", f"{about}.")
+        refused = f"The map is refused: {'; '.join(map(str, told['reasons']))}."
+        return (refused, f"{about}. docs/racing.md says what each reason asks for.")
     if told["loops"]:
-        about += f"; {told['loops']} places meet the lap's beginning, {told['full_loops']} of them in all directions"
+        about += f"; {told['loops']} edges close the loop, {told['full_loops']} of them in all directions"
     apart = f"the scans lie {1000 * told['residual_m']:.0f} mm beside each other (rms)"
     return ("The map is good.", f"{about}; {apart}.")
 
@@ -165,7 +167,10 @@ def way_to_race(made: LapMap, told: Mapping[str, Any], *, is_here: bool) -> tupl
     if file is None:
         return "", ""
     if told.get("recording.simulated"):
-        return "A simulated car races along it by this command:", f"wallride sim --race {file} --laps 5"
+        return (
+            "A simulated car races along it by this command:",
+            f"wallride sim --race {shlex.quote(str(file))} --laps 5",
+        )
     place = str(file) if is_here else f"{ON_THE_CAR}/{file.name}"
     copied = "" if is_here else f"Copy {file.with_suffix('')}.* to {ON_THE_CAR} on the car. "
     lines = f'[map]\nfile = "{place}"\n\n[wall_follow]\nmethod = "line"'

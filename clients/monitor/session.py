@@ -359,7 +359,8 @@ class PageSession:
         self.take(PILOT, topics.encode(view), now_s)
         self._show_news(CALIBRATION, self._calibrator.fields(), now_s)
         if self._feed is not None:
-            self._show_news(LAP_MAP, self._host.mapper.fields(self._feed.car), now_s)
+            lap = {"sense": self._feed.lap.words, "closed": self._feed.lap.is_closed}
+            self._show_news(LAP_MAP, {**self._host.mapper.fields(self._feed.car), **lap}, now_s)
 
     def _show_news(self, topic: str, fields: Mapping[str, Any], now_s: float) -> None:
         """Send the state of something that seldom changes, where it has."""

@@ -134,6 +134,7 @@ function takeStatus(status, nowMs) {
   scene.takeWindow(status.window ?? []);
   scene.course.takeStatus(status.pose ?? {});
   laps.take(status.pose?.race);
+  lapMap.showSense();
   mux.show(status, link.ageMs("decision") < OLD_MS ? link.newest.decision.value : null);
   plots.push(plots.latency, 0, nowMs, status.scan_to_motor_ms?.p99 ?? NaN);
   const measured = status.speed_mps;

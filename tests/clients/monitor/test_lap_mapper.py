@@ -86,7 +86,7 @@ async def test_the_newest_recording_of_a_car_here_becomes_a_map_with_its_line(tm
     ]  # fmt: skip
     assert (now["stage"], now["can_be_raced"], now["busy"]) == ("good", True, False)
     assert now["words"][0] == "The map is good."
-    assert "14 places meet the lap's beginning, 9 of them in all directions" in now["words"][1]
+    assert "14 edges close the loop, 9 of them in all directions" in now["words"][1]
     assert now["words"][2] == "The race line: 28.1 m, 6.77 s a lap in theory, 2.1 to 6.0 m/s."
     assert now["pictures"] == ["map", "line"]
     assert [bench.mapper.picture(name) for name in ("map", "line", "../car")] == [PNG, PNG, None]

@@ -8,6 +8,8 @@ const ALTS = { map: "The map of the lap, with its path and the places at which i
 export class LapMap {
   #link;
   #stage = "none";
+  #sense = { sense: "", closed: false };
+  #wasClosed = true; // a lap that was closed before this page came is told by the row alone
   #words = "";
   #pictures = "";
 
@@ -26,10 +28,24 @@ export class LapMap {
     setHidden($("lap-map-race"), !now.can_be_raced);
     $("lap-map-race").disabled = now.busy;
     setText($("lap-map-lines"), now.lines);
+    this.#sense = now;
+    this.showSense();
+    if (now.closed && !this.#wasClosed && !$("line-lap").hidden) announce(now.sense, "good");
+    this.#wasClosed = now.closed;
     this.#showWords(now.words);
     this.#showPictures(now);
     if (now.stage !== this.#stage && this.#stage !== "none" && SAID_KINDS[now.stage]) announce(now.words[0], SAID_KINDS[now.stage]);
     this.#stage = now.stage;
+  }
+
+  /** How the lap that is driven stands: for who drives it, outside of the folded panel too. */
+  showSense() {
+    const { sense, closed } = this.#sense;
+    const races = Boolean(this.#link.newest.status.value?.pose?.map);
+    setHidden($("line-lap"), !sense || races);
+    setData($("line-lap"), "mood", closed ? "good" : "plain");
+    setText($("line-lap").lastElementChild, sense);
+    setText($("lap-map-sense"), races ? "" : sense);
   }
 
   #say(word) {

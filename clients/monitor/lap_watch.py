@@ -1,0 +1,164 @@
+"""Whether the lap that a car drives has met its beginning, so that a map of it would close: a hint. Pure.
+
+From the status and the scans that a page gets anyway: every half metre the scan is compared with all earlier ones from
+which on the car has turned once round. What looks alike must do so place after place, as both ways go on, and round a
+corner, because two places of a corridor always look alike. Only `wallride map` tells whether the map is good.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from wallride.runtime.ros.laser_scan import LaserScan, read_laser_scan
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.teleop import Malformed
+
+Floats = npt.NDArray[np.float64]
+Booleans = npt.NDArray[np.bool_]
+
+STEP_M: Final = 0.5
+"""Way between two places that are compared."""
+MAX_PLACES: Final = 600
+SECTORS: Final = 60
+"""Directions of a place, of 6 degrees, each with its nearest range."""
+SEEN_SECTORS: Final = 20
+TURNS: Final = 4
+"""Directions by which a place may be seen turned."""
+ALIKE_M: Final = 0.2
+"""Largest median difference of two places' ranges, and twice that of the most similar 80 %."""
+MOST_SHARE: Final = 0.8
+LAP_M: Final = 6.0
+"""Least way of a lap."""
+ROUND_RAD: Final = (math.tau - 1.2, math.tau + 1.2)
+"""Turn of a lap, with what an odometry without a gyro drifts on it."""
+MET_PLACES: Final = 8
+"""Places one after the other that look like those a lap ago."""
+MISS_PLACES: Final = 2
+"""By so much a place that does not shortens a run of them."""
+CORNER_RAD: Final = 0.7
+"""Turn while the places look alike, from which on there is a corner among them."""
+JUMP_M: Final = 2.0
+"""Way between two statuses from which on the odometry has begun anew."""
+
+
+class LapWatch:
+    """Takes what a car tells while it drives. way_m: since the lap began."""
+
+    def __init__(self) -> None:
+        self._recording = ""
+        self._forget()
+
+    def _forget(self) -> None:
+        """Begin a lap here."""
+        self._pose: tuple[float, ...] | None = None
+        self.way_m = self._turned_rad = self._due_m = 0.0
+        self._count = 0
+        self._profiles: Floats = np.empty((MAX_PLACES, SECTORS))
+        self._ways_m, self._turns_rad, self._begun_rad = np.empty((3, MAX_PLACES))
+        self._runs = np.zeros(MAX_PLACES, dtype=int)
+        self._closed_m: float | None = None
+
+    @property
+    def words(self) -> str:
+        """Return how the lap stands, as a sentence."""
+        if self.way_m < LAP_M:
+            return ""
+        if self._closed_m is not None:
+            return f"The lap met its beginning after {self._closed_m:.0f} m, a corner included: stop when you like."
+        if self._runs[: self._count].max(initial=0) >= MET_PLACES:
+            return f"The lap meets its beginning, after {self.way_m:.0f} m: drive on, round one more corner."
+        return f"{self.way_m:.0f} m of way; the beginning of the lap has not come in sight again."
+
+    @property
+    def is_closed(self) -> bool:
+        """Return whether the lap has met its beginning, at a corner too."""
+        return self._closed_m is not None
+
+    def take(self, topic: str, payload: bytes) -> None:
+        """Take a sample of a topic; one that cannot be read is left out."""
+        try:
+            if topic == topics.STATUS:
+                self.take_status(topics.decode(payload))
+            elif topic == topics.SCAN and self.way_m >= self._due_m and self._closed_m is None:
+                self.take_scan(read_laser_scan(payload))
+        except (AttributeError, Malformed, OverflowError, TypeError, ValueError, KeyError):
+            return
+
+    def take_status(self, status: Mapping[str, Any]) -> None:
+        """Take the odometry and the name of the recording, with which a lap begins."""
+        odom, recording = status["odom"], str((status.get("recording") or {}).get("file") or "")
+        pose = tuple(float(odom[name]) for name in ("x_m", "y_m", "yaw_rad"))
+        if recording and recording != self._recording:
+            self._recording = recording
+            self._forget()
+        if not all(map(math.isfinite, pose)):
+            return
+        before, self._pose = self._pose, pose
+        if before is None:
+            return
+        moved_m = math.hypot(pose[0] - before[0], pose[1] - before[1])
+        if moved_m > JUMP_M:
+            self._forget()
+            return
+        self.way_m += moved_m
+        self._turned_rad += math.remainder(pose[2] - before[2], math.tau)
+
+    def take_scan(self, scan: LaserScan) -> None:
+        """Compare a place with the earlier ones, and keep it."""
+        self._due_m, here, count = self.way_m + STEP_M, profile(scan), self._count
+        self._go_on(self._is_like(here))
+        is_met = self._runs[:count] >= MET_PLACES
+        has_corner = np.abs(self._turned_rad - self._begun_rad[:count]) >= CORNER_RAD
+        if np.any(is_met & has_corner):
+            self._closed_m = self.way_m
+        if count < MAX_PLACES:
+            self._profiles[count] = here
+            self._ways_m[count], self._turns_rad[count] = self.way_m, self._turned_rad
+            self._runs[count] = 0
+            self._count += 1
+
+    def _is_like(self, here: Floats) -> Booleans:
+        """Tell which earlier places are a lap ago and look like this one, (count,)."""
+        count = self._count
+        round_rad = np.abs(self._turned_rad - self._turns_rad[:count])
+        is_like = self._ways_m[:count] <= self.way_m - LAP_M
+        is_like &= (round_rad >= ROUND_RAD[0]) & (round_rad <= ROUND_RAD[1])
+        laps = np.flatnonzero(is_like)
+        is_like[laps] = differences(here, self._profiles[laps]) <= ALIKE_M
+        return is_like
+
+    def _go_on(self, is_like: Booleans) -> None:
+        """Lengthen the runs that end at each earlier place, which have come from it or from one of both before it."""
+        count = self._count
+        froms = np.clip(np.arange(count) - np.arange(3)[:, None], 0, None)
+        best = np.argmax(self._runs[froms], axis=0), np.arange(count)
+        runs, begun_rad = self._runs[froms][best], self._begun_rad[froms][best]
+        self._begun_rad[:count] = np.where(runs > 0, begun_rad, self._turned_rad)
+        self._runs[:count] = np.where(is_like, runs + 1, np.maximum(runs - MISS_PLACES, 0))
+
+
+def profile(scan: LaserScan) -> Floats:
+    """Return the nearest range in each direction, (SECTORS,) [m]; NaN where nothing is seen."""
+    bearings_rad = scan.angle_min_rad + scan.angle_step_rad * np.arange(len(scan.ranges_m))
+    sectors = np.floor(bearings_rad / math.tau * SECTORS).astype(int) % SECTORS
+    ranges_m = np.where(np.isfinite(scan.ranges_m), scan.ranges_m, np.inf).astype(np.float64)
+    nearest: Floats = np.full(SECTORS, np.inf)
+    np.minimum.at(nearest, sectors, ranges_m)
+    return np.where(np.isfinite(nearest), nearest, np.nan)
+
+
+def differences(one: Floats, others: Floats) -> Floats:
+    """Return how far profiles are from another one, (k,) [m]; infinity where they have too little in common.
+
+    The least of all small turns of the car: it does not stand as it did, nor in the same place.
+    """
+    turned = np.stack([np.roll(one, shift) for shift in range(-TURNS, TURNS + 1)])
+    apart_m = np.sort(np.abs(others[:, None, :] - turned), axis=2)  # NaN last
+    seen = np.isfinite(apart_m).sum(axis=2)[..., None]
+    half, most = ((share * np.maximum(seen - 1, 0)).astype(int) for share in (0.5, MOST_SHARE))
+    off_m = np.maximum(np.take_along_axis(apart_m, half, 2), 0.5 * np.take_along_axis(apart_m, most, 2))
+    least_m: Floats = np.where(seen >= SEEN_SECTORS, off_m, np.inf).min(axis=(1, 2))
+    return least_m
