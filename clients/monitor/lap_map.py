@@ -187,9 +187,10 @@ def save_race(made: LapMap) -> tuple[str, ...]:
     after = values(load_settings(made.file))
     limits = ("wall_follow.speed_mps", "car.max_speed_mps")
     most_mps = min(float(str(after[name])) for name in limits)
+    restart = "Put the car where the lap began, and restart it (sudo systemctl restart wallride)"
     return (
         f'{made.file}: map.file and wall_follow.method = "line" written.',
-        "Restart the car (sudo systemctl restart wallride): it follows the wall until it is located, then the line.",
+        f"{restart}: it follows the wall until it is located, then the line.",
         *_slower(most_mps, made.fastest_mps, limits),
         'Back to the wall: wall_follow.method = "ball".',
     )

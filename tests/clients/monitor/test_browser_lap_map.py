@@ -47,7 +47,7 @@ async def test_a_map_is_made_looked_at_and_raced_along(scene, tab, tmp_path, car
         await tab.until(f"{VISIBLE}.join() === 'begin,race'")
         assert await violations(tab) == [], "with a map"
         await tab.click("#lap-map-race")
-        await tab.until(f"{WORDS}.includes('Restart the car')")
+        await tab.until(f"{WORDS}.includes('restart it')")
         assert await tab.run(VISIBLE) == ["begin"]
         settings = load_settings(car_toml)
         assert settings.wall_follow.method == "line"

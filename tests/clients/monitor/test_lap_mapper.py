@@ -98,7 +98,7 @@ async def test_race_along_it_keeps_map_and_law_in_the_car_s_file(tmp_path, car_t
     bench.press("race")
     now = await bench.ended()
     assert now["stage"] == "saved"
-    assert "Restart the car" in now["words"][1]
+    assert "restart it" in now["words"][1]
     assert "at most 4 m/s, and the line has 6.0 m/s" in now["words"][2], "of car.max_speed_mps"
     settings = load_settings(car_toml)
     assert settings.map.file == str(car_toml.parent / "maps" / "car1" / NAME.replace(".mcap", ".yaml"))
