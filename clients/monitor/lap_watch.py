@@ -38,6 +38,8 @@ MET_PLACES: Final = 8
 """Places one after the other that look like those a lap ago."""
 MISS_PLACES: Final = 2
 """By so much a place that does not shortens a run of them."""
+TURNS_ALIKE_RAD: Final = 0.25
+"""Difference of what the car turned on a run and a lap ago."""
 CORNER_RAD: Final = 0.7
 """Turn while the places look alike, from which on there is a corner among them."""
 JUMP_M: Final = 2.0
@@ -57,7 +59,7 @@ class LapWatch:
         self.way_m = self._turned_rad = self._due_m = 0.0
         self._count = 0
         self._profiles: Floats = np.empty((MAX_PLACES, SECTORS))
-        self._ways_m, self._turns_rad, self._begun_rad = np.empty((3, MAX_PLACES))
+        self._ways_m, self._turns_rad, self._begun_rad, self._lap_rad = np.empty((4, MAX_PLACES))
         self._runs = np.zeros(MAX_PLACES, dtype=int)
         self._closed_m: float | None = None
 
@@ -117,7 +119,7 @@ class LapWatch:
         if count < MAX_PLACES:
             self._profiles[count] = here
             self._ways_m[count], self._turns_rad[count] = self.way_m, self._turned_rad
-            self._runs[count] = 0
+            self._runs[count] = self._lap_rad[count] = 0
             self._count += 1
 
     def _is_like(self, here: Floats) -> Booleans:
@@ -131,12 +133,18 @@ class LapWatch:
         return is_like
 
     def _go_on(self, is_like: Booleans) -> None:
-        """Lengthen the runs that end at each earlier place, which have come from it or from one of both before it."""
+        """Lengthen the runs that end at each earlier place, which have come from it or from one of both before it.
+
+        On a run the car turns as it did a lap ago: the turn of the lap stays.
+        """
         count = self._count
+        lap_rad = self._turned_rad - self._turns_rad[:count]
         froms = np.clip(np.arange(count) - np.arange(3)[:, None], 0, None)
-        best = np.argmax(self._runs[froms], axis=0), np.arange(count)
-        runs, begun_rad = self._runs[froms][best], self._begun_rad[froms][best]
-        self._begun_rad[:count] = np.where(runs > 0, begun_rad, self._turned_rad)
+        runs = np.where(np.abs(lap_rad - self._lap_rad[froms]) <= TURNS_ALIKE_RAD, self._runs[froms], 0)
+        best = np.argmax(runs, axis=0), np.arange(count)
+        runs, goes_on = runs[best], runs[best] > 0
+        self._begun_rad[:count] = np.where(goes_on, self._begun_rad[froms][best], self._turned_rad)
+        self._lap_rad[:count] = np.where(goes_on, self._lap_rad[froms][best], lap_rad)
         self._runs[:count] = np.where(is_like, runs + 1, np.maximum(runs - MISS_PLACES, 0))
 
 
