@@ -1,8 +1,9 @@
 """Whether the lap that a car drives has met its beginning, so that a map of it would close: a hint. Pure.
 
 From the status and the scans that a page gets anyway: every half metre the scan is compared with all earlier ones from
-which on the car has turned once round. What looks alike must do so place after place, as both ways go on, and round a
-corner, because two places of a corridor always look alike. Only `wallride map` tells whether the map is good.
+which on the car has turned once round. What looks alike must do so place after place, as both ways go on and turn, and
+at some places that look like no other around, because those of a corridor, or of a long bend, always look alike. Only
+`wallride map` tells whether the map is good.
 """
 
 import math
@@ -40,8 +41,9 @@ MISS_PLACES: Final = 2
 """By so much a place that does not shortens a run of them."""
 TURNS_ALIKE_RAD: Final = 0.25
 """Difference of what the car turned on a run and a lap ago."""
-CORNER_RAD: Final = 0.7
-"""Turn while the places look alike, from which on there is a corner among them."""
+SHARP_PLACES: Final = 6
+"""Places of a run, at least, that do not look like those APART_PLACES before and behind either: corners do not."""
+APART_PLACES: Final = 3
 JUMP_M: Final = 2.0
 """Way between two statuses from which on the odometry has begun anew."""
 
@@ -59,8 +61,8 @@ class LapWatch:
         self.way_m = self._turned_rad = self._due_m = 0.0
         self._count = 0
         self._profiles: Floats = np.empty((MAX_PLACES, SECTORS))
-        self._ways_m, self._turns_rad, self._begun_rad, self._lap_rad = np.empty((4, MAX_PLACES))
-        self._runs = np.zeros(MAX_PLACES, dtype=int)
+        self._ways_m, self._turns_rad, self._lap_rad = np.empty((3, MAX_PLACES))
+        self._runs, self._sharp = np.zeros((2, MAX_PLACES), dtype=int)
         self._closed_m: float | None = None
 
     @property
@@ -111,28 +113,29 @@ class LapWatch:
     def take_scan(self, scan: LaserScan) -> None:
         """Compare a place with the earlier ones, and keep it."""
         self._due_m, here, count = self.way_m + STEP_M, profile(scan), self._count
-        self._go_on(self._is_like(here))
-        is_met = self._runs[:count] >= MET_PLACES
-        has_corner = np.abs(self._turned_rad - self._begun_rad[:count]) >= CORNER_RAD
-        if np.any(is_met & has_corner):
+        self._go_on(*self._look(here))
+        if np.any((self._runs[:count] >= MET_PLACES) & (self._sharp[:count] >= SHARP_PLACES)):
             self._closed_m = self.way_m
         if count < MAX_PLACES:
             self._profiles[count] = here
             self._ways_m[count], self._turns_rad[count] = self.way_m, self._turned_rad
-            self._runs[count] = self._lap_rad[count] = 0
+            self._runs[count] = self._sharp[count] = self._lap_rad[count] = 0
             self._count += 1
 
-    def _is_like(self, here: Floats) -> Booleans:
-        """Tell which earlier places are a lap ago and look like this one, (count,)."""
+    def _look(self, here: Floats) -> tuple[Booleans, Booleans]:
+        """Tell which places a lap ago look like this one, and which of them alone of those around, (count,) each."""
         count = self._count
         round_rad = np.abs(self._turned_rad - self._turns_rad[:count])
-        is_like = self._ways_m[:count] <= self.way_m - LAP_M
-        is_like &= (round_rad >= ROUND_RAD[0]) & (round_rad <= ROUND_RAD[1])
-        laps = np.flatnonzero(is_like)
-        is_like[laps] = differences(here, self._profiles[laps]) <= ALIKE_M
-        return is_like
+        is_lap = self._ways_m[:count] <= self.way_m - LAP_M
+        is_lap &= (round_rad >= ROUND_RAD[0]) & (round_rad <= ROUND_RAD[1])
+        if not is_lap.any():
+            return is_lap, is_lap
+        looks = differences(here, self._profiles[:count]) <= ALIKE_M
+        around = np.pad(looks, APART_PLACES, constant_values=True)  # what is not known may look alike
+        is_like = looks & is_lap
+        return is_like, is_like & ~around[: -2 * APART_PLACES] & ~around[2 * APART_PLACES :]
 
-    def _go_on(self, is_like: Booleans) -> None:
+    def _go_on(self, is_like: Booleans, is_sharp: Booleans) -> None:
         """Lengthen the runs that end at each earlier place, which have come from it or from one of both before it.
 
         On a run the car turns as it did a lap ago: the turn of the lap stays.
@@ -143,7 +146,7 @@ class LapWatch:
         runs = np.where(np.abs(lap_rad - self._lap_rad[froms]) <= TURNS_ALIKE_RAD, self._runs[froms], 0)
         best = np.argmax(runs, axis=0), np.arange(count)
         runs, goes_on = runs[best], runs[best] > 0
-        self._begun_rad[:count] = np.where(goes_on, self._begun_rad[froms][best], self._turned_rad)
+        self._sharp[:count] = np.where(goes_on, self._sharp[froms][best], 0) + is_sharp
         self._lap_rad[:count] = np.where(goes_on, self._lap_rad[froms][best], lap_rad)
         self._runs[:count] = np.where(is_like, runs + 1, np.maximum(runs - MISS_PLACES, 0))
 

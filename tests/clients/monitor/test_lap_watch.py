@@ -51,8 +51,8 @@ def test_a_corridor_has_no_lap(tmp_path):
     assert closed_m is None
 
 
-def status(x_m, recording="", yaw_rad=0.0):
-    return {"odom": {"x_m": x_m, "y_m": 0.0, "yaw_rad": yaw_rad}, "recording": {"file": recording}}
+def status(x_m, recording="", y_m=0.0, yaw_rad=0.0):
+    return {"odom": {"x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad}, "recording": {"file": recording}}
 
 
 def test_a_new_recording_is_a_new_lap_and_the_end_of_one_is_none():
@@ -93,6 +93,17 @@ def ring(radius_m, beams=720):
     ranges_m[: beams // 8] = ranges_m[-beams // 8 :] = np.nan
     scan = Scan(0.0, 0.0, -math.pi, math.tau / beams, 0.02, 30.0, ranges_m, 1)
     return read_laser_scan(messages.laser_scan(1_790_000_000_000_000_000, scan, 0.05))
+
+
+def test_a_bend_in_which_all_places_look_alike_closes_no_lap():
+    watch = LapWatch()
+    for turned_rad in np.arange(0.0, 2.5 * math.tau, 0.1):
+        x_m, y_m = 3.0 * math.sin(turned_rad), -3.0 * math.cos(turned_rad)
+        watch.take_status(status(x_m, y_m=y_m, yaw_rad=turned_rad))
+        watch.take_scan(ring(2.0))
+    assert watch.way_m > 2.4 * 3.0 * math.tau
+    assert not watch.is_closed
+    assert watch.words.endswith("drive on, round one more corner.")
 
 
 def test_a_place_is_its_nearest_range_in_each_direction():
