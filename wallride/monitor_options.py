@@ -43,9 +43,10 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         help="maximum steering angle from the page (default: 0.34)",
     )  # fmt: skip
     add_config(
-        parser, "settings file, on the car's computer: calibrated values that a page accepts are written there",
+        parser,
+        "settings file, on the car's computer: calibrated values, and a map to race on, that a page accepts go there",
         f"${CONFIG_VARIABLE}; without a file pages show them",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--farewell", type=Path, metavar="FILE",
         help="file with the sentence that open pages show once the server has ended, read at its end",

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from wallride.clients.answers import why_unanswered
 from wallride.clients.connection import another_car
 from wallride.clients.monitor.history import PlotHistory
+from wallride.clients.monitor.lap_watch import LapWatch
 from wallride.clients.monitor.outbox import FROM_CAR
 from wallride.clients.played import PlayedNames
 from wallride.runtime.wire import topics
@@ -27,6 +28,9 @@ SAVED_WITHIN_S = 10.0
 """Timeout of saving: a worn SD card may take seconds to confirm a write."""
 KNOWN_FOR_S = 0.5
 """Validity of an identity, 25 heartbeats; a program's end and another's start on its port take longer."""
+STANDS_MPS = 0.05
+STATUS_WITHIN_S = 2.0
+"""Maximum age of a status that tells whether the car stands; it is sent several times a second."""
 SMALL_QUESTION = json.dumps({"names": ["car.name"]}).encode()
 
 
@@ -49,6 +53,7 @@ class PageFeed:
     on, and it is sent nothing.
     round_trip_s: of a small query to the car, None when it does not answer. problem: why there is no session.
     malformed: beats that could not be read. history: what pages plot, also from before the feed.
+    lap: whether the lap that is driven has met its beginning.
     """
 
     def __init__(
@@ -66,6 +71,8 @@ class PageFeed:
         self._played = PlayedNames(self._bus, car)
         self._topics = {topics.key(car, topic): topic for topic in FROM_CAR}
         self._declared = False
+        self._status = b"", -math.inf
+        self.lap = LapWatch()
 
     @property
     def is_by_keys(self) -> bool:
@@ -76,6 +83,18 @@ class PageFeed:
     def is_recording(self) -> bool:
         """Whether what has the car's name is a recording that is played."""
         return self.car in self._played
+
+    def why_not_standing(self, now_s: float) -> str:
+        """Return why the car is not known to stand, "" when it is."""
+        payload, arrival_s = self._status
+        if now_s - arrival_s > STATUS_WITHIN_S:
+            return f"{self.car} is not heard: wait until the page shows it"
+        try:
+            speed_mps = topics.decode(payload).get("speed_mps")
+        except (ValueError, TypeError):
+            return f"the status of {self.car} cannot be read: is another version on it?"
+        drives = isinstance(speed_mps, int | float) and not abs(speed_mps) <= STANDS_MPS
+        return f"{self.car} drives: stop it first" if drives else ""
 
     async def run(self) -> None:
         """Connect, connect again, measure the round trip; until cancelled."""
@@ -142,6 +161,9 @@ class PageFeed:
             if not self._is_meant():
                 return
             self.history.take(topic, payload, arrival_s)
+            self.lap.take(topic, payload)
+            if topic == topics.STATUS:
+                self._status = payload, arrival_s
             for watcher in self.watchers:
                 watcher.take(topic, payload, arrival_s)
             return

@@ -123,8 +123,27 @@ class Ping(_PageMessage):
     at: float
 
 
+class MapLap(_PageMessage):
+    """Makes a map of the newest recording of the watched car, ends that, or has the car race along the map."""
+
+    t: Literal["map_lap"]
+    do: Literal["begin", "cancel", "race"]
+
+
 PageMessage = (
-    Ack | Watch | InputState | Drop | Leave | StopMessage | LookAtAll | StopAll | NewRace | Calibrate | Ask | Ping
+    Ack
+    | Watch
+    | InputState
+    | Drop
+    | Leave
+    | StopMessage
+    | LookAtAll
+    | StopAll
+    | NewRace
+    | Calibrate
+    | MapLap
+    | Ask
+    | Ping
 )
 _ANY: TypeAdapter[PageMessage] = TypeAdapter(Annotated[PageMessage, Field(discriminator="t")])
 

@@ -12,12 +12,13 @@ from collections.abc import Mapping
 
 from wallride.runtime.wire import topics
 
-PILOT, MONITOR, FLEET, CALIBRATION = "pilot", "monitor", "fleet", "calibration"
-"""Topics of the monitor itself, in JSON: the state of the page's driver, that of the relay, all cars, and the page's
-calibration."""
+PILOT, MONITOR, FLEET, CALIBRATION, LAP_MAP = "pilot", "monitor", "fleet", "calibration", "lap_map"
+"""Topics of the monitor itself, in JSON: the state of the page's driver, that of the relay, all cars, the page's
+calibration, and the map of a lap."""
 TOPICS = (
     topics.SCAN, topics.WALL, topics.FOOTPRINT, topics.ODOM, topics.OUTPUT, topics.DISTANCE_ERROR, topics.STATUS,
     topics.DECISION, topics.BEAT, topics.POSE, topics.MAP, topics.LINE, PILOT, MONITOR, FLEET, CALIBRATION,
+    LAP_MAP,
 )  # fmt: skip
 FROM_CAR = TOPICS[: TOPICS.index(PILOT)]
 EAGER = frozenset({topics.SCAN, topics.DECISION, PILOT})

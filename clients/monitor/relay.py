@@ -4,6 +4,7 @@ import asyncio
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from wallride.clients.connection import Cars
@@ -14,6 +15,7 @@ from wallride.runtime.ending import end
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.network import RefusedError
+from wallride.runtime.wire.teleop import session_text
 
 log = logging.getLogger("wallride.monitor")
 
@@ -50,6 +52,14 @@ class CarEndpoint:
     def is_refused(self) -> bool:
         """Return whether the reason may be a key, and deserves a report."""
         return self.endpoint.startswith("tls/") and self.problem not in {"", "connecting"}
+
+    def options(self, keys: Path | None) -> list[str]:
+        """Return the options of a command that is to reach the same cars. keys: folder of the keys, for tls."""
+        return [
+            "--connect", self.endpoint,
+            *(["--keys", str(keys)] if keys is not None else []),
+            *(["--session", session_text(self.session)] if self.session is not None else []),
+        ]  # fmt: skip
 
 
 class Relay:

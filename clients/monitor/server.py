@@ -57,6 +57,7 @@ def application(host: Host, auth: DoorAuth) -> web.Application:
     app[HOST], app[DOOR] = host, door
     app.router.add_get("/", file)
     app.router.add_get("/ws", _socket)
+    app.router.add_get("/lap-map/{name}.png", _picture)
     app.router.add_get("/{name:.+}", file)
     app.on_shutdown.append(_say_goodbye)
     return app
@@ -64,6 +65,17 @@ def application(host: Host, auth: DoorAuth) -> web.Application:
 
 async def _socket(request: web.Request) -> web.StreamResponse:
     return await request.app[DOOR].visit(request, lambda socket: PageSession(socket, request.app[HOST]).run())
+
+
+async def _picture(request: web.Request) -> web.Response:
+    """Answer with a picture of the map of a lap; what the car saw is shown to those with the token alone."""
+    door = request.app[DOOR]
+    if refusal := door.refusal(request):
+        return refusal
+    body = await asyncio.to_thread(request.app[HOST].mapper.picture, request.match_info["name"])
+    if body is None:
+        return door.answer(404, "there is no such picture")
+    return web.Response(body=body, content_type="image/png", headers=HEADERS)
 
 
 async def _say_goodbye(app: web.Application) -> None:
@@ -93,6 +105,7 @@ async def serving(host: Host, address: str, port: int, *, any_port: bool = False
         async with listening(application(host, auth), address, port, any_port=any_port) as place:
             yield f"http://{place}/?token={auth.token}"
     finally:
+        await host.mapper.close()
         await end(*helpers)
 
 

@@ -4,7 +4,7 @@ import asyncio
 import json
 import logging
 import time
-from collections.abc import Coroutine, Sequence
+from collections.abc import Coroutine, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,10 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from wallride.clients.door.connections import shortened
 from wallride.clients.monitor import messages
 from wallride.clients.monitor.calibration import PageCalibrator
+from wallride.clients.monitor.command_run import RunCommand, run_command
 from wallride.clients.monitor.driving import PageDriver
 from wallride.clients.monitor.feed import PageFeed
+from wallride.clients.monitor.lap_mapper import LapMapper, LapSource
 from wallride.clients.monitor.messages import (
     Ack,
     Ask,
@@ -25,6 +27,7 @@ from wallride.clients.monitor.messages import (
     InputState,
     Leave,
     LookAtAll,
+    MapLap,
     NewRace,
     PageMessage,
     Ping,
@@ -32,7 +35,7 @@ from wallride.clients.monitor.messages import (
     StopMessage,
     Watch,
 )
-from wallride.clients.monitor.outbox import CALIBRATION, FLEET, MONITOR, PILOT, TOPICS, Outbox, pack
+from wallride.clients.monitor.outbox import CALIBRATION, FLEET, LAP_MAP, MONITOR, PILOT, TOPICS, Outbox, pack
 from wallride.clients.monitor.overview import CarsOverview
 from wallride.clients.monitor.relay import Relay
 from wallride.clients.remote.car import connect
@@ -67,7 +70,8 @@ class Host:
 
     car: the one to show first, "" for any. name: whom cars and other operators see. drivers: of all pages.
     farewell: file with the sentence that pages show once the server has ended, None for the usual one.
-    keys: folder of the keys, for tls. config: settings file of the car, where calibrated values are written.
+    keys: folder of the keys, for tls. config: settings file of the car, where calibrated values and maps are written.
+    run: how commands of `wallride` are run.
     """
 
     relay: Relay
@@ -79,10 +83,13 @@ class Host:
     farewell: Path | None = None
     keys: Path | None = None
     config: Path | None = None
+    run: RunCommand = run_command
     overview: CarsOverview = field(init=False)
+    mapper: LapMapper = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "overview", CarsOverview(self.relay.links, self.name))
+        object.__setattr__(self, "mapper", LapMapper(self.config, self.run))
 
 
 class PageSession:
@@ -96,7 +103,7 @@ class PageSession:
         self._feed: PageFeed | None = None
         self._driver = PageDriver(host.name, host.feel)
         self._calibrator = PageCalibrator(host.config)
-        self._calibration_shown = b""
+        self._shown: dict[str, bytes] = {}
         self._asking: set[asyncio.Task[None]] = set()
         self._beats_ahead = 0
         self._shows_all = False
@@ -178,6 +185,8 @@ class PageSession:
                 await self._socket.send_str(json.dumps({"t": "pong", "at": at}))
             case Ask():
                 self._ask(word)
+            case MapLap():
+                await self._map_lap(word)
             case StopAll() | NewRace() | LookAtAll():
                 await self._receive_about_all(word, now_s)
             case _:
@@ -227,6 +236,19 @@ class PageSession:
             lambda: connect(feed.car, at=place.endpoint, keys=host.keys, session=place.session, name=host.name),
         )
 
+    async def _map_lap(self, word: MapLap) -> None:
+        feed, host = self._feed, self._host
+        if feed is None:
+            return
+        is_elsewhere = self._driver.whose(host.drivers) == "elsewhere"
+        objection = f"another operator has {feed.car}: take over first" if is_elsewhere else ""
+        options = host.relay.place_of(feed.car).options(host.keys)
+        try:
+            source = LapSource(feed.car, feed.ask, options, objection or feed.why_not_standing(time.monotonic()))
+            host.mapper.receive(word, source)
+        except RefusedError as error:
+            await self._socket.send_str(json.dumps({"t": "trouble", "reason": str(error)}))
+
     async def _watch(self, car: str) -> None:
         self._shows_all = False
         if self._feed is not None and self._feed.car == car:
@@ -250,6 +272,7 @@ class PageSession:
             self._host.relay.unwatch(self._feed, self)
             self._feed = None
             self._outbox.clear()
+            self._shown.clear()
 
     def _send(self, commands: Sequence[Command]) -> None:
         if self._feed is not None:
@@ -334,10 +357,17 @@ class PageSession:
         if self._calibrator.takes_hands:
             view |= CALIBRATING
         self.take(PILOT, topics.encode(view), now_s)
-        calibration = topics.encode(self._calibrator.fields())
-        if calibration != self._calibration_shown:
-            self._calibration_shown = calibration
-            self.take(CALIBRATION, calibration, now_s)
+        self._show_news(CALIBRATION, self._calibrator.fields(), now_s)
+        if self._feed is not None:
+            lap = {"sense": self._feed.lap.words, "closed": self._feed.lap.is_closed}
+            self._show_news(LAP_MAP, {**self._host.mapper.fields(self._feed.car), **lap}, now_s)
+
+    def _show_news(self, topic: str, fields: Mapping[str, Any], now_s: float) -> None:
+        """Send the state of something that seldom changes, where it has."""
+        payload = topics.encode(fields)
+        if payload != self._shown.get(topic):
+            self._shown[topic] = payload
+            self.take(topic, payload, now_s)
 
     def _show_all(self, now_s: float) -> None:
         overview = self._host.overview

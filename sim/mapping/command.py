@@ -37,7 +37,10 @@ def run(options: argparse.Namespace) -> int:
     title = f"{record.name}: {verdict.way_m:.1f} m, {'good' if verdict.good else 'refused'}"
     files[stem.with_name(f"{stem.name}.png")] = lambda file: save_picture(file, raster, path, lap, title)
     write_files(files)
-    told = {**asdict(verdict), "scale": lap.car.scale, "trim_rad": lap.car.trim_rad}
+    told = {
+        **asdict(verdict), "scale": lap.car.scale, "trim_rad": lap.car.trim_rad,
+        "map": str(stem.with_name(f"{stem.name}.yaml")),
+    }  # fmt: skip
     write_answer(json.dumps(told) + "\n", options.json)
     if options.json != "-":
         written = f"written: {', '.join(map(str, files))}"

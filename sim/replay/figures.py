@@ -1,7 +1,7 @@
 """Figures of a run, as simulator and car measure: `wallride.sim.summary` and `wallride.runtime.control.score`."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,9 +82,19 @@ def _laps(run: RecordedRun) -> dict[str, Any]:
     return {
         "laps": max(newest, default=0),
         "lap_times_s": [round(race["time_s"], 3) for _, race in sorted(newest.items())],
+        **_sectors([race for _, race in sorted(newest.items())]),
         "line_rms_m": last.get("rms_m"),
         "line_largest_m": last.get("largest_m"),
     }
+
+
+def _sectors(laps: Sequence[Mapping[str, Any]]) -> dict[str, list[float]]:
+    """Return the times of each part of the laps by name, "sector_1_s" and so on; nothing where none were told."""
+    told = [lap.get("sectors_s") or () for lap in laps]
+    if not told or len(set(map(len, told))) > 1:  # of a car that did not time them yet
+        return {}
+    parts = zip(*told, strict=True)
+    return {f"sector_{number}_s": [round(time_s, 3) for time_s in part] for number, part in enumerate(parts, 1)}
 
 
 def samples(run: RecordedRun) -> list[Sample]:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
+from wallride.runtime.control.line_following.lap_memory import SECTORS
 from wallride.runtime.settings.tree import Settings, to_toml
 from wallride.sim.figures.summary import SETTLE_BAND_M, SETTLED_FOR_S
 from wallride.sim.replay.run import RecordedRun
@@ -23,6 +24,7 @@ ROWS = (
     ("min_clearance_m", "nearest thing to the outline", "m"),
     ("laps", "laps", ""),
     ("lap_times_s", "lap times", "s"),
+    *((f"sector_{number}_s", f"sector {number} of each lap", "s") for number in range(1, SECTORS + 1)),
     ("line_rms_m", "last lap off the line, RMS", "m"),
     ("line_largest_m", "last lap off the line, at most", "m"),
     ("trajectory_rms_m", "found poses off the truth, RMS", "m"),

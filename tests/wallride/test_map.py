@@ -58,7 +58,7 @@ def test_a_piece_of_a_lap_is_refused_unless_it_is_meant(recordings, here, capsys
     assert (here / "lab.yaml").read_text().endswith("good\n")
     assert cli.main(["map", piece, "--open", "--json", "-"]) == 0
     figures = json.loads(capsys.readouterr().out)
-    assert figures["reasons"] == []
+    assert (figures["reasons"], figures["map"]) == ([], "piece.yaml")
     assert figures["residual_m"] < 0.01
     rows = np.loadtxt(here / "piece.path.csv", delimiter=";")
     assert np.hypot(*np.diff(rows[:, 1:3], axis=0).T).sum() == pytest.approx(figures["way_m"], rel=0.02)

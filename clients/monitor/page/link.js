@@ -15,7 +15,7 @@ export class Link {
     scan: new Scan(), wall: new Markers(), footprint: new Markers(), odom: new Odometry(), output: new Drive(),
     distance_error: new Float(), status: new Json(), decision: new Json(), beat: new Beat(), pilot: new Json(),
     pose: new Pose(), map: new Grid(), line: new Path(),
-    monitor: new Json(), fleet: new Json(), calibration: new Json(),
+    monitor: new Json(), fleet: new Json(), calibration: new Json(), lap_map: new Json(),
   };
   /** When what we have of a topic left the car, on this page's clock [ms]; as well as one can know without clocks. */
   seenMs = {};

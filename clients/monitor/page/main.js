@@ -6,6 +6,8 @@ import { Device } from "./device.js";
 import { Driving } from "./controls/driving.js";
 import { Fleet } from "./fleet.js";
 import { Hands } from "./controls/hands.js";
+import { LapMap } from "./controls/lap_map.js";
+import { Laps } from "./laps.js";
 import { Link } from "./link.js";
 import { $, age, announce, number, setData, setHidden, setText } from "./look.js";
 import { MuxView } from "./mux.js";
@@ -42,6 +44,8 @@ const fleet = new Fleet(link, openCar);
 const stopButton = new StopButton({ link, fleet, device, timings });
 const recordButton = new RecordButton(link);
 const calibration = new Calibration(link, hands);
+const lapMap = new LapMap(link);
+const laps = new Laps();
 let car = "";
 let watched = ""; // the last one, also while all are shown
 let carSession = 0;
@@ -118,6 +122,9 @@ function takeNews(topic) {
     case "calibration":
       calibration.show(message.value);
       break;
+    case "lap_map":
+      lapMap.show(message.value);
+      break;
   }
   wantFrame();
 }
@@ -126,6 +133,8 @@ function takeStatus(status, nowMs) {
   condition.showStatus(status);
   scene.takeWindow(status.window ?? []);
   scene.course.takeStatus(status.pose ?? {});
+  laps.take(status.pose?.race);
+  lapMap.showSense();
   mux.show(status, link.ageMs("decision") < OLD_MS ? link.newest.decision.value : null);
   plots.push(plots.latency, 0, nowMs, status.scan_to_motor_ms?.p99 ?? NaN);
   const measured = status.speed_mps;
@@ -234,6 +243,7 @@ function watch(name) {
   link.forget(CAR_TOPICS);
   if (!first) plots.clear();
   scene.forgetWay();
+  laps.forget();
   settings.forget();
   simulator.forget();
   link.say({ t: "watch", car });

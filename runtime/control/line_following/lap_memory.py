@@ -16,13 +16,18 @@ HELD_SHARE, HELD_MPS = 0.6, 0.3
 HELD_SCANS: Final = 4
 MOVED_M: Final = 0.005
 """Way along the line from which a scan counts for the errors of a lap."""
+SECTORS: Final = 3
+"""Parts of a lap of equal way, from where it began, that have a time of their own."""
 RESTS_S: Final = 2.0
 """Time after which it may count as held back again."""
 
 
 @value()
 class LapErrors:
-    """Number of laps done, the last one's time with rms, 99 % and largest of its lateral errors, and the best time."""
+    """Number of laps done, the last one's time with rms, 99 % and largest of its lateral errors, and the best time.
+
+    sectors_s: times of the parts of the last one, () before it.
+    """
 
     laps: int = 0
     time_s: float = math.nan
@@ -30,6 +35,7 @@ class LapErrors:
     p99_m: float = math.nan
     largest_m: float = math.nan
     best_s: float = math.nan
+    sectors_s: tuple[float, ...] = ()
 
 
 class LapMemory:
@@ -44,6 +50,7 @@ class LapMemory:
         """Begin a lap here, whatever there was of one."""
         self._way_m, self._along_m, self.since_s = 0.0, math.nan, math.nan
         self._errors_m: list[float] = []
+        self._splits_s: list[float] = []
 
     def take(self, stamp_s: float, along_m: float, aside_m: float) -> bool:
         """Take in a scan's place on the line; return whether a lap is complete with it."""
@@ -54,15 +61,18 @@ class LapMemory:
             self._way_m += moved_m
             self._along_m = along_m
             self._errors_m.append(abs(aside_m))
+        while len(self._splits_s) < SECTORS and self._way_m * SECTORS >= self._length_m * (len(self._splits_s) + 1):
+            self._splits_s.append(stamp_s)
         if self._way_m < self._length_m:
             return False
         errors_m, took_s = np.array(self._errors_m), stamp_s - self.since_s
         self.last = LapErrors(
             self.last.laps + 1, took_s, float(np.sqrt(np.mean(errors_m**2))), float(np.percentile(errors_m, 99)),
             float(errors_m.max()), float(np.fmin(took_s, self.last.best_s)),
+            tuple(map(float, np.diff([self.since_s, *self._splits_s]))),
         )  # fmt: skip
         self._way_m -= self._length_m
-        self.since_s, self._errors_m = stamp_s, []
+        self.since_s, self._errors_m, self._splits_s = stamp_s, [], []
         return True
 
 

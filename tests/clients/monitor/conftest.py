@@ -32,14 +32,14 @@ class Scene:
         return self.url.partition("?token=")[2]
 
     @asynccontextmanager
-    async def monitor(self, *, address="127.0.0.1", name="ann@laptop", also=(), farewell=None, config=None):
+    async def monitor(self, *, address="127.0.0.1", name="ann@laptop", also=(), **more):
         from wallride.clients.monitor.relay import CarEndpoint, Relay
         from wallride.clients.monitor.server import serving
         from wallride.clients.monitor.session import Host
         from wallride.clients.teleop.shaping import InputShape
 
         places = [CarEndpoint(one, zenoh_config.client_config(one, None)) for one in (self.endpoint, *also)]
-        host = Host(Relay(places), name, InputShape(), "9.9", farewell=farewell, config=config)
+        host = Host(Relay(places), name, InputShape(), "9.9", **more)
         async with serving(host, address, self.port) as self.url:
             self.port = int(self.url.split(":")[2].split("/")[0])
             yield self

@@ -42,6 +42,7 @@ class FakeCar:
 
     history: (time, speed) whenever the speed on the wire changed. scans: how many were published. car: its measures.
     pose: that of the status. course: functions that write what it tells of its map at a time since 1970, by topic.
+    recordings: answer to `logs/list`.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class FakeCar:
         self.computer = {"temperature_c": None, "zone": "", "trouble": ""}
         self.applied = []
         self.recording = []
+        self.recordings = {"folder": "/none", "files": []}
         self.history = [(time.monotonic(), 0.0)]
         self.scans = 0
         self.beat = None
@@ -82,6 +84,7 @@ class FakeCar:
         bus.subscribe(topics.key(name, topics.COMMAND), self._receive)
         parameters.serve(bus, name, self.settings)
         bus.answer(topics.key(name, "record"), self._record)
+        bus.answer(topics.key(name, "logs/list"), lambda _: topics.encode(self.recordings))
         if self._simulated:
             bus.answer(topics.key(name, topics.SIMULATOR), lambda _: topics.encode(SIMULATOR))
         bus.announce(topics.key(name, topics.ALIVE))

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.clients.monitor.axe import violations
 from tests.clients.monitor.operating import watching
 from wallride.runtime.ros import messages
 from wallride.runtime.wire import topics
@@ -95,6 +96,27 @@ async def test_laps_are_told_and_hidden_where_no_line_is_driven(scene, tab):
         await tab.until(f"{RACE_WORDS} === 'lap 1, at 60 % of the line\\'s speed'")
         car.pose = {key: value for key, value in POSE.items() if key != "race"}
         await tab.until("!document.querySelector('#line-race').checkVisibility()")
+
+
+ROWS = "[...document.querySelectorAll('#lap-rows tr')].map((row) => row.innerText.split('\\t').join(' '))"
+BEST = "[...document.querySelectorAll('#laps .best')].map((cell) => cell.textContent)"
+
+
+async def test_laps_stand_in_a_table_with_their_sectors_and_the_best_of_each(scene, tab):
+    async with scene.car() as car, scene.monitor():
+        racing(car, race={**RACE, "laps": 0, "time_s": None, "sectors_s": []})
+        await watching(tab, scene)
+        await tab.until(f"{RACE_WORDS} === 'lap 1, at 80 % of the line\\'s speed'")
+        assert not await tab.run("document.querySelector('#laps').checkVisibility()")
+        racing(car, race={**RACE, "laps": 1, "time_s": 7.25, "sectors_s": [2.5, 2.25, 2.5]})
+        await tab.until(f"{ROWS}.length === 1")
+        racing(car, race={**RACE, "laps": 2, "time_s": 7.0, "sectors_s": [2.25, 2.5, 2.25]})
+        await tab.until(f"{ROWS}.length === 2")
+        assert await tab.run(ROWS) == ["2 7.00 s 2.25 s 2.50 s 2.25 s", "1 7.25 s 2.50 s 2.25 s 2.50 s"]
+        assert await tab.run(BEST) == ["7.00 s", "2.25 s", "2.25 s", "2.25 s"]
+        assert await violations(tab) == []
+        racing(car, race={**RACE, "laps": 1, "time_s": 8.0})
+        await tab.until(f"{ROWS}.join() === '1 8.00 s'")  # it has begun anew, and times no sectors
 
 
 GHOST = """(() => {

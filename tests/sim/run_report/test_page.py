@@ -150,15 +150,21 @@ def test_world_and_laps_are_told_where_the_simulator_said_them(run):
 
 
 def test_a_race_has_its_laps_and_its_distance_from_the_line(run):
+    sectors_s = {1: [3.1, 3.0, 3.1], 2: [2.8, 2.7, 2.9]}
+
+    def race_of(laps, time_s, off_m):
+        errors = {"rms_m": off_m, "largest_m": off_m}
+        return {"laps": laps, "time_s": time_s, "sectors_s": sectors_s.get(laps, []), **errors}
+
     laps = [(1.0, 0, None, None), (4.0, 1, 9.2, 0.06), (6.0, 1, 9.2, 0.06), (8.0, 2, 8.4, 0.04)]
     told = [
-        (at_s, {**run.status, "pose": {"race": {"laps": done, "time_s": took_s, "rms_m": rms_m, "largest_m": rms_m}}})
-        for at_s, done, took_s, rms_m in laps
+        (at_s, {**run.status, "pose": {"race": race_of(done, took_s, rms_m)}}) for at_s, done, took_s, rms_m in laps
     ]
     race = replace(run, settings=load_settings(None, ["wall_follow.method=line"]), statuses=told)
     written = page(shown(race, {"laps": 2, "line_rms_m": 0.03}))
     cells = Reader(written).cells
     assert (cells["laps"], cells["lap_times_s"]) == (["2", "2"], ["9.2, 8.4 s"])
+    assert [cells[f"sector_{k}_s"] for k in (1, 2, 3)] == [["3.1, 2.8 s"], ["3, 2.7 s"], ["3.1, 2.9 s"]]
     assert (cells["line_rms_m"], cells["line_largest_m"]) == (["0.04 m", "0.03 m"], ["0.04 m"])
     assert "<h2>Distance from the race line over time</h2>" in written
     assert "2 laps, best 8.4 s" in written

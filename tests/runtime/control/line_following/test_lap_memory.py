@@ -31,6 +31,29 @@ def test_the_best_lap_stays_the_best():
     assert laps.last.best_s == pytest.approx(80 * STEP_S)
 
 
+def test_a_lap_has_three_sectors_of_equal_way_from_where_it_began():
+    laps, at_s, way_m = LapMemory(30.0), 0.0, 7.0
+    assert laps.last.sectors_s == ()
+    for step_m, scans in ((0.2, 50), (0.1, 100), (0.4, 25)):
+        for _ in range(scans):
+            laps.take(at_s, way_m % 30.0, 0.0)
+            at_s, way_m = at_s + STEP_S, way_m + step_m
+    assert laps.take(at_s, way_m % 30.0, 0.0)
+    assert laps.last.sectors_s == pytest.approx((50 * STEP_S, 100 * STEP_S, 25 * STEP_S), abs=1.5 * STEP_S)
+    assert sum(laps.last.sectors_s) == pytest.approx(laps.last.time_s)
+
+
+def test_sectors_begin_anew_with_each_lap_and_with_one_that_was_broken_off():
+    laps = LapMemory(10.0)
+    for k in range(50):
+        laps.take(STEP_S * k, 0.1 * k, 0.0)
+    laps.begin()
+    for k in range(50, 251):
+        laps.take(STEP_S * k, (0.1 * k) % 10.0, 0.0)
+    assert laps.last.laps == 2
+    assert laps.last.sectors_s == pytest.approx((100 * STEP_S / 3,) * 3, abs=1.5 * STEP_S)
+
+
 def test_a_car_that_stands_beside_its_line_adds_no_errors():
     laps = LapMemory(10.0)
     ways_m = [0.0] * 500 + [0.1 * k for k in range(110)]

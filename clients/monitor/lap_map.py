@@ -1,0 +1,203 @@
+"""What a page is told of a map of a car's lap, and where recording, map and settings are. Without an event loop."""
+
+import json
+import os
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from wallride.clients.monitor.command_run import CommandAnswer, CommandFailedError
+from wallride.runtime.parameters import file as settings_file
+from wallride.runtime.parameters.catalogue import values
+from wallride.runtime.parameters.file import StoreError
+from wallride.runtime.recording.ring import parse
+from wallride.runtime.settings.recording import recordings_folder
+from wallride.runtime.settings.tree import SettingsError, load_settings
+from wallride.runtime.wire.network import RefusedError
+
+MAPS: Final = "maps"
+"""Folder of maps, beside the car's settings file, else beside the recordings."""
+IDENTITY: Final = ("car.name", "recording.simulated", "car.wheelbase_m")
+"""Settings by which a settings file is recognized as that of a car."""
+OF_THE_LINE: Final = ("car.wheelbase_m", "car.max_steering_rad", "car.max_acceleration_mps2", "car.half_width_m")
+"""Settings of the car that its race line depends on."""
+ASKED: Final = tuple(dict.fromkeys((*IDENTITY, *OF_THE_LINE)))
+"""Settings that the car is asked for."""
+ON_THE_CAR: Final = "/var/lib/wallride"
+"""Where a map from another computer is to be put on a car."""
+MAX_PICTURE_B: Final = 16 << 20
+
+Stage = Literal["none", "asking", "fetching", "mapping", "line", "good", "refused", "failed", "saving", "saved"]
+
+
+@dataclass(frozen=True, slots=True)
+class LapMap:
+    """A map of a lap, from the press of the button on.
+
+    words: sentences on it, the most important first. pictures: by name. number: counts the maps, so that a browser
+    shows no older picture. map: its file, once it is good. file: the car's settings, where they can be written here.
+    lines: what to do by hand where they cannot. fastest_mps: of the line, 0.0 without one.
+    """
+
+    car: str = ""
+    stage: Stage = "none"
+    recording: str = ""
+    words: tuple[str, ...] = ()
+    pictures: Mapping[str, Path] = field(default_factory=dict)
+    number: int = 0
+    map: Path | None = None
+    file: Path | None = None
+    lines: str = ""
+    fastest_mps: float = 0.0
+
+    @property
+    def can_be_raced(self) -> bool:
+        """Return whether it is good, has a line, and the car's settings can be written here."""
+        return self.stage == "good" and self.fastest_mps > 0.0 and self.file is not None
+
+    def fields(self) -> dict[str, Any]:
+        """Return plain values for a page."""
+        return {
+            "car": self.car, "stage": self.stage, "recording": self.recording, "words": list(self.words),
+            "pictures": list(self.pictures), "number": self.number, "lines": self.lines,
+            "can_be_raced": self.can_be_raced, "file": str(self.file or ""),
+        }  # fmt: skip
+
+    def picture(self, name: str) -> bytes | None:
+        """Return a picture as PNG, None where there is none of that name."""
+        path = self.pictures.get(name)
+        if path is None:
+            return None
+        try:
+            with path.open("rb") as file:
+                return file.read(MAX_PICTURE_B)
+        except OSError:
+            return None
+
+
+def newest_drive(listed: Mapping[str, Any], car: str) -> tuple[Path, str, int]:
+    """Return folder, name and size [B] of a car's newest recording that is no black box. RefusedError without one."""
+    try:
+        drives = [one for one in listed["files"] if not one["black_box"]]
+        if not drives:
+            raise RefusedError(f"{car} has no recording yet: drive a lap along the wall, then let it stand")
+        folder, name, size_bytes = Path(str(listed["folder"])), str(drives[-1]["name"]), int(drives[-1]["size_bytes"])
+    except (KeyError, TypeError, ValueError):
+        raise RefusedError(f"{car}: its list of recordings cannot be read: is another version on it?") from None
+    if parse(name) is None:  # a car must not choose the place of files on this computer
+        raise RefusedError(f"{car} offers {name!r}, which is not the name of a recording")
+    return folder, name, size_bytes
+
+
+def recording_here(folder: Path, name: str, size_bytes: int) -> Path | None:
+    """Return the recording where this computer is the car's, or has its folder; None where it has to be fetched."""
+    path = folder / name
+    try:
+        is_it = path.stat().st_size >= size_bytes and os.access(path, os.R_OK)
+    except OSError:
+        return None
+    return path if is_it else None
+
+
+def maps_folder(file: Path | None) -> Path:
+    """Return the folder of maps. file: the car's settings, where they are on this computer: the car reads its map."""
+    return (file.absolute().parent if file is not None else recordings_folder("").parent) / MAPS
+
+
+def file_of(config: Path | None, told: Mapping[str, Any]) -> tuple[Path | None, str]:
+    """Return the settings file if it is the car's and can be written, and else why not.
+
+    told: IDENTITY as the car says it.
+    """
+    if config is None:
+        return None, ""
+    try:
+        here = values(load_settings(config))
+    except SettingsError as error:
+        return None, str(error)
+    if other := [name for name in IDENTITY if here.get(name) != told.get(name)]:
+        name = other[0]
+        return None, f"{config} is of another car: {name} is {here.get(name)} in it, and {told.get(name)} on this car"
+    if not os.access(config, os.W_OK) or not os.access(config.absolute().parent, os.W_OK):
+        return None, f"{config} may not be written by this monitor: start it with sudo"
+    return config, ""
+
+
+def map_told(answer: CommandAnswer) -> Mapping[str, Any]:
+    """Return the figures of `wallride map`. CommandFailedError where it made no map."""
+    try:
+        told = json.loads(answer.out) if answer.code in {0, 1} else None
+        if isinstance(told, dict) and isinstance(told["reasons"], list):
+            return told
+    except (KeyError, ValueError):
+        pass
+    raise CommandFailedError(f"No map was made: {answer.reason}")
+
+
+def map_words(told: Mapping[str, Any], recording: str) -> tuple[str, ...]:
+    """Return the verdict in a sentence, and what it rests on."""
+    about = f"{recording}: {told['way_m']:.1f} m of way in {told['keyframes']} places"
+    if told["reasons"]:
+        refused = f"The map is refused: {'; '.join(map(str, told['reasons']))}."
+        return (refused, f"{about}. docs/racing.md says what each reason asks for.")
+    if told["loops"]:
+        about += f"; {told['loops']} edges close the loop, {told['full_loops']} of them in all directions"
+    apart = f"the scans lie {1000 * told['residual_m']:.0f} mm beside each other (rms)"
+    return ("The map is good.", f"{about}; {apart}.")
+
+
+def line_told(answer: CommandAnswer) -> tuple[str, float]:
+    """Return the race line in a sentence, and its highest speed [m/s]; 0.0 where there is none, with the reason."""
+    try:
+        told = json.loads(answer.out) if not answer.code else None
+        if isinstance(told, dict):
+            speeds = f"{told['slowest_mps']:.1f} to {told['fastest_mps']:.1f} m/s"
+            about = f"The race line: {told['length_m']:.1f} m, {told['lap_s']:.2f} s a lap in theory, {speeds}."
+            return about, float(told["fastest_mps"])
+    except (KeyError, ValueError, TypeError):
+        pass
+    return f"There is no race line: {answer.reason}", 0.0
+
+
+def way_to_race(made: LapMap, told: Mapping[str, Any], *, is_here: bool) -> tuple[str, str]:
+    """Return what to do where the monitor does not write the settings: a sentence, and lines to copy."""
+    file = made.map
+    if file is None:
+        return "", ""
+    if told.get("recording.simulated"):
+        return (
+            "A simulated car races along it by this command:",
+            f"wallride sim --race {shlex.quote(str(file))} --laps 5",
+        )
+    place = str(file) if is_here else f"{ON_THE_CAR}/{file.name}"
+    copied = "" if is_here else f"Copy {file.with_suffix('')}.* to {ON_THE_CAR} on the car. "
+    lines = f'[map]\nfile = "{place}"\n\n[wall_follow]\nmethod = "line"'
+    words = "Put these lines into the car's settings file and restart the car"
+    return f"{copied}{words}; a monitor on the car's computer that was started with --config FILE writes them.", lines
+
+
+def save_race(made: LapMap) -> tuple[str, ...]:
+    """Write map and law into the car's settings file; return what to do next. StoreError where it cannot take them."""
+    if made.file is None or made.map is None:
+        raise StoreError("there is no map to race along")
+    edits = {"map.file": str(made.map), "map.line": "", "wall_follow.method": "line"}
+    settings_file.save(made.file, edits, edits)
+    after = values(load_settings(made.file))
+    limits = ("wall_follow.speed_mps", "car.max_speed_mps")
+    most_mps = min(float(str(after[name])) for name in limits)
+    restart = "Put the car where the lap began, and restart it (sudo systemctl restart wallride)"
+    return (
+        f'{made.file}: map.file and wall_follow.method = "line" written.',
+        f"{restart}: it follows the wall until it is located, then the line.",
+        *_slower(most_mps, made.fastest_mps, limits),
+        'Back to the wall: wall_follow.method = "ball".',
+    )
+
+
+def _slower(most_mps: float, line_mps: float, limits: Sequence[str]) -> Sequence[str]:
+    if most_mps >= line_mps:
+        return ()
+    bound = f"It will drive at most {most_mps:g} m/s, and the line has {line_mps:.1f} m/s"
+    return (f"{bound}: raise {' and '.join(limits)} lap by lap.",)

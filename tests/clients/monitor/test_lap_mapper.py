@@ -1,0 +1,254 @@
+"""The map of a lap from a page: what is run, told, refused and written, with commands that compute nothing."""
+
+import asyncio
+import contextlib
+
+import pytest
+
+from tests.clients.monitor.lap_commands import NAME, OPEN, PNG, LapCommands, listing, recorded
+from wallride.clients.monitor.lap_mapper import LapMapper, LapSource
+from wallride.clients.monitor.messages import MapLap
+from wallride.runtime.settings.tree import load_settings
+from wallride.runtime.wire.network import RefusedError
+
+CAR = {
+    "car.name": "car1", "recording.simulated": False, "car.wheelbase_m": 0.25, "car.max_steering_rad": 0.4,
+    "car.max_acceleration_mps2": 3.0, "car.half_width_m": 0.14,
+}  # fmt: skip
+FILE = """# the car
+[car]
+name = "car1"
+wheelbase_m = 0.25  # by ruler
+
+[wall_follow]
+method = "ball"  # or "report"
+kp = 12.0
+"""
+
+
+@pytest.fixture(autouse=True)
+def data(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    monkeypatch.delenv("STATE_DIRECTORY", raising=False)
+    return tmp_path / "data" / "wallride"
+
+
+@pytest.fixture
+def car_toml(tmp_path):
+    (tmp_path / "etc").mkdir()
+    path = tmp_path / "etc" / "car.toml"
+    path.write_text(FILE)
+    return path
+
+
+class Bench:
+    """A mapper with a car that answers, and commands that answer. settings: what the car says of itself."""
+
+    def __init__(self, recordings, config=None):
+        self.recordings = recordings
+        self.settings = dict(CAR)
+        self.commands = LapCommands()
+        self.mapper = LapMapper(config, self.commands)
+
+    def source(self, car="car1", objection=""):
+        return LapSource(car, self.answer, ["--connect", "tcp/car1.local:7447"], objection)
+
+    async def answer(self, what, question):
+        if what == "logs/list":
+            return self.recordings
+        return {"values": {name: self.settings[name] for name in question["names"]}}
+
+    def press(self, do="begin", **more):
+        self.mapper.receive(MapLap(t="map_lap", do=do), self.source(**more))
+
+    async def ended(self):
+        """Wait for the end of what was begun; return the page's fields."""
+        async with asyncio.timeout(10):
+            while self.mapper.is_busy:
+                await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        return self.mapper.fields("car1")
+
+    async def made(self):
+        self.press()
+        return await self.ended()
+
+
+async def test_the_newest_recording_of_a_car_here_becomes_a_map_with_its_line(tmp_path, car_toml):
+    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+    now = await bench.made()
+    target = car_toml.parent / "maps" / "car1" / NAME.replace(".mcap", ".yaml")
+    line = target.with_name(NAME.replace(".mcap", ".line.csv"))
+    assert bench.commands.words == [
+        ["map", str(tmp_path / "recordings" / NAME), "-o", str(target), "--json", "-"],
+        ["line", str(target), "-o", str(line), "--set", "car.wheelbase_m=0.25", "--set", "car.max_steering_rad=0.4",
+         "--set", "car.max_acceleration_mps2=3.0", "--set", "car.half_width_m=0.14", "--json", "-"],
+    ]  # fmt: skip
+    assert (now["stage"], now["can_be_raced"], now["busy"]) == ("good", True, False)
+    assert now["words"][0] == "The map is good."
+    assert "14 edges close the loop, 9 of them in all directions" in now["words"][1]
+    assert now["words"][2] == "The race line: 28.1 m, 6.77 s a lap in theory, 2.1 to 6.0 m/s."
+    assert now["pictures"] == ["map", "line"]
+    assert [bench.mapper.picture(name) for name in ("map", "line", "../car")] == [PNG, PNG, None]
+
+
+async def test_race_along_it_keeps_map_and_law_in_the_car_s_file(tmp_path, car_toml):
+    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+    await bench.made()
+    bench.press("race")
+    now = await bench.ended()
+    assert now["stage"] == "saved"
+    assert "restart it" in now["words"][1]
+    assert "at most 4 m/s, and the line has 6.0 m/s" in now["words"][2], "of car.max_speed_mps"
+    settings = load_settings(car_toml)
+    assert settings.map.file == str(car_toml.parent / "maps" / "car1" / NAME.replace(".mcap", ".yaml"))
+    assert (settings.wall_follow.method, settings.wall_follow.kp, settings.map.line) == ("line", 12.0, "")
+    assert 'method = "line"  # or "report"' in car_toml.read_text()
+    with pytest.raises(RefusedError, match="make it first"):
+        bench.press("race")
+
+
+async def test_a_line_of_another_map_is_not_kept(tmp_path, car_toml):
+    car_toml.write_text(FILE + '\n[map]\nfile = "old.yaml"\nline = "old.line.csv"\n')
+    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+    await bench.made()
+    bench.press("race")
+    await bench.ended()
+    assert load_settings(car_toml).map.line == ""
+
+
+async def test_an_open_ring_is_refused_with_its_reason_and_not_raced(tmp_path, car_toml):
+    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+    bench.commands.reasons = [OPEN]
+    now = await bench.made()
+    assert (now["stage"], now["can_be_raced"], now["lines"]) == ("refused", False, "")
+    assert now["words"][0] == f"The map is refused: {OPEN}."
+    assert bench.commands.names == ["map"]
+    assert bench.mapper.picture("map") == PNG, "to look at what is missing"
+    with pytest.raises(RefusedError, match="make it first"):
+        bench.press("race")
+    assert car_toml.read_text() == FILE
+
+
+@pytest.mark.parametrize(
+    ("recordings", "said"),
+    [
+        (listing("/none"), "car1 has no recording yet: drive a lap"),
+        (listing("/none", "../../car.mcap"), "not the name of a recording"),
+        ({"files": "none"}, "cannot be read"),
+    ],
+)
+async def test_without_a_recording_nothing_is_run(recordings, said):
+    bench = Bench(recordings)
+    now = await bench.made()
+    assert now["stage"] == "failed"
+    assert said in now["words"][0]
+    assert bench.commands.words == []
+
+
+async def test_a_second_press_is_refused_until_the_first_has_ended_or_is_cancelled(tmp_path):
+    bench = Bench(recorded(tmp_path / "recordings"))
+    bench.commands.gate.clear()
+    bench.press()
+    async with asyncio.timeout(5):
+        while not bench.commands.words:
+            await asyncio.sleep(0)
+    assert bench.mapper.fields("car1")["stage"] == "mapping"
+    assert bench.mapper.fields("car2")["words"] == ["A map of car1's lap is being made."]
+    for do in ("begin", "race"):
+        with pytest.raises(RefusedError, match="is being made: wait for it, or cancel it"):
+            bench.press(do)
+    bench.press("cancel")
+    now = await bench.ended()
+    assert (now["stage"], now["words"], now["busy"]) == ("failed", ["Cancelled."], False)
+    bench.commands.gate.set()
+    assert (await bench.made())["stage"] == "good"
+
+
+async def test_an_objection_to_the_page_comes_before_all(tmp_path):
+    bench = Bench(recorded(tmp_path / "recordings"))
+    for do in ("begin", "race"):
+        with pytest.raises(RefusedError, match="car1 drives: stop it first"):
+            bench.press(do, objection="car1 drives: stop it first")
+    assert not bench.mapper.is_busy
+
+
+async def test_a_recording_of_another_computer_is_fetched_and_its_map_goes_by_hand(tmp_path, data):
+    bench = Bench(listing(tmp_path / "not here", NAME))
+    now = await bench.made()
+    assert bench.commands.names == ["logs", "map", "line"]
+    fetch, made, _ = bench.commands.words
+    assert fetch[:-1] == ["logs", "get", NAME, "--car", "car1", "--connect", "tcp/car1.local:7447", "-o"]
+    assert made[1] == f"{fetch[-1]}/car1/{NAME}"
+    stem = data / "maps" / "car1" / NAME.replace(".mcap", "")
+    assert now["words"][-1].startswith(f"Copy {stem}.* to /var/lib/wallride on the car. Put these lines into")
+    assert now["lines"] == (f'[map]\nfile = "/var/lib/wallride/{stem.name}.yaml"\n\n[wall_follow]\nmethod = "line"')
+    assert not now["can_be_raced"]
+
+
+async def test_a_fetch_that_fails_says_why(tmp_path):
+    bench = Bench(listing(tmp_path / "not here", NAME))
+    bench.commands.failing["logs"] = (2, "wallride: car1 does not answer logs/get\n")
+    now = await bench.made()
+    assert now["words"] == ["The recording did not come over: car1 does not answer logs/get"]
+
+
+async def test_without_the_car_s_file_the_lines_are_shown(tmp_path, data):
+    now = await Bench(recorded(tmp_path / "recordings")).made()
+    assert now["lines"].startswith(f'[map]\nfile = "{data}/maps/car1/')
+    assert "Copy" not in now["words"][-1]
+
+
+async def test_another_car_s_file_is_not_written(tmp_path, car_toml):
+    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+    bench.settings["car.name"] = "car2"
+    now = await bench.made()
+    assert not now["can_be_raced"]
+    assert f"{car_toml} is of another car: car.name is car1 in it, and car2 on this car" in now["words"]
+
+
+async def test_a_simulated_car_races_by_the_simulator(tmp_path, data, car_toml):
+    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+    bench.settings["recording.simulated"] = True
+    now = await bench.made()
+    made = data / "maps" / "car1" / NAME.replace(".mcap", ".yaml")
+    assert now["lines"] == f"wallride sim --race {made} --laps 5"
+
+
+async def test_a_map_without_a_line_is_good_and_not_raced(tmp_path, car_toml):
+    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+    bench.commands.failing["line"] = (2, "wallride: there is no room for the car at x 1.0 m, y 2.0 m\n")
+    now = await bench.made()
+    assert (now["stage"], now["can_be_raced"], now["pictures"]) == ("good", False, ["map"])
+    assert now["words"][-1] == "There is no race line: there is no room for the car at x 1.0 m, y 2.0 m"
+
+
+@pytest.mark.parametrize("code", [1, 2, -9])
+async def test_a_map_command_that_fails_says_why(tmp_path, code):
+    bench = Bench(recorded(tmp_path / "recordings"))
+    bench.commands.failing["map"] = (code, "wallride: recordings need scipy: pip install 'wallride[sim]'\n")
+    now = await bench.made()
+    assert now["stage"] == "failed"
+    assert now["words"] == ["No map was made: recordings need scipy: pip install 'wallride[sim]'"]
+
+
+async def test_a_file_that_cannot_take_it_stays_as_it_is(tmp_path, car_toml):
+    text = FILE.replace('"ball"  # or "report"', '"report"').replace("kp = 12.0", 'corner_rule = "lab2"')
+    car_toml.write_text(text)
+    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+    await bench.made()
+    bench.press("race")
+    now = await bench.ended()
+    assert now["stage"] == "good", "it can be tried again"
+    assert "corner_rule" in now["words"][0]
+    assert car_toml.read_text() == text
+
+
+async def test_the_end_of_the_monitor_ends_a_command(tmp_path):
+    bench = Bench(recorded(tmp_path / "recordings"))
+    bench.commands.gate.clear()
+    bench.press()
+    await asyncio.sleep(0)
+    with contextlib.suppress(asyncio.CancelledError):
+        await bench.mapper.close()
+    assert not bench.mapper.is_busy
