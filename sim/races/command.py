@@ -78,7 +78,7 @@ def race_cells(choice: CellChoice, options: argparse.Namespace) -> list[RaceCell
             EXPERIMENT, course, law, options.speed_mps, mu, choice.sides[0], seed, own_parts=choice.own_parts,
             settings=choice.settings, conditions=choice.conditions, laps=options.laps, assumed=options.assumed,
             delay_s=options.delay_s, stiffness=options.stiffness, lateral_share=options.lateral_share,
-            brake_share=options.brake_share, keep_m=options.keep_m,
+            brake_share=options.brake_share, keep_m=options.keep_m, box=options.box,
         )
         for course in courses for mu in choice.mus for law in choice.laws for seed in choice.seeds
     ]  # fmt: skip

@@ -21,6 +21,7 @@ from wallride.sim.car.wiring import WiringConversion, WiringErrors
 from wallride.sim.lab import laws
 from wallride.sim.lab.cell import Cell, Figures
 from wallride.sim.lab.figures import common, number
+from wallride.sim.races.boxes import FULL_SPEED, SUDDEN, BrakingGuard, box_figures, shown_at, with_box
 from wallride.sim.races.mapped_lap import TRIM_RAD, WHEELS, KeyframePoses, map_file, poses_of_map
 from wallride.sim.racing.free_space import FreeSpace
 from wallride.sim.racing.line_file import text_of
@@ -47,6 +48,7 @@ class RaceCell(Cell):
 
     speed_mps: highest speed of line and car. delay_s: of the servo, on top of its own. stiffness: of the tyres, over
     what the follower assumes. lateral_share, brake_share, keep_m: of the line, as of `wallride line`.
+    box: kind of one in the way (`boxes`), "" for none.
     """
 
     laps: int = 5
@@ -56,6 +58,7 @@ class RaceCell(Cell):
     lateral_share: float = 0.6
     brake_share: float = 0.45
     keep_m: float = 0.45
+    box: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +78,9 @@ class Racing:
             line_file = Path(place) / f"race{LINE_SUFFIX}"
             line_file.write_text(text_of(planned, cell.scenario), encoding="utf-8")
             line = read_line(line_file)
-            run = _drive(cell, line, (f"map.file={file}", f"map.line={line_file}"))
-        figures = {"reason": "", "theory_s": number(planned.lap_s), **figures_of(run, line, poses_of_map(file))}
+            poses = poses_of_map(file)
+            run, box = _drive(cell, line, poses, (f"map.file={file}", f"map.line={line_file}"))
+        figures = {"reason": "", "theory_s": number(planned.lap_s), **figures_of(run, line, poses), **box}
         return cell.named(common(run) | figures)
 
 
@@ -95,17 +99,29 @@ def planned_line(cell: RaceCell, file: Path) -> RaceLine:
     return race_line(ring_m, FreeSpace(load_world(file).outline_m), grip, keep_m=cell.keep_m, radius_m=radius_m)
 
 
-def _drive(cell: RaceCell, line: CourseLine, on_map: tuple[str, ...]) -> SimulatedRun:
-    """Drive the laps. on_map: the settings of map and line."""
-    world = load_world(cell.scenario)
-    known = (*on_map, f"car.max_speed_mps={cell.speed_mps * WHEELS:.3f}", *_of_the_floor(cell), *cell.settings)
-    return laws.drive_case(replace(cell, settings=known), case_of(cell, world, line))
+def _drive(
+    cell: RaceCell, line: CourseLine, poses: KeyframePoses, on_map: tuple[str, ...]
+) -> tuple[SimulatedRun, Figures]:
+    """Drive the race; return it, and how its box was met. on_map: the settings of map and line."""
+    case = case_of(cell, load_world(cell.scenario), line)
+    known = (*on_map, f"car.max_speed_mps={cell.speed_mps * WHEELS:.3f}", *_of_the_law(cell), *cell.settings)
+    driven = replace(cell, settings=known)
+    if not cell.box:
+        return laws.drive_case(driven, case), {}
+    case = with_box(case, cell.box, line, poses)
+    run, braked = laws.drive_case(driven, case), None
+    shown = shown_at(run)
+    if cell.box == SUDDEN and shown is not None and run.contact is not None:
+        follower, guard = laws.build(cell.law, cell.side, case.desired_m, cell.speed_mps, known)
+        braked = laws.drive_case(driven, case, follower, BrakingGuard(guard, float(run.time_s[shown])))
+    return run, box_figures(run, braked)
 
 
-def _of_the_floor(cell: RaceCell) -> tuple[str, ...]:
-    """Return the setting of the assumed friction, where the law has one."""
+def _of_the_law(cell: RaceCell) -> tuple[str, ...]:
+    """Return the settings that the law has of these: assumed friction, and a first lap at full speed before a box."""
     follow = laws.settings_of(cell.law, cell.side, cell.desired_m, cell.speed_mps).wall_follow
-    return (f"wall_follow.floor_mu={cell.mu * cell.assumed}",) if hasattr(follow, "floor_mu") else ()
+    wanted = {"floor_mu": cell.mu * cell.assumed} | ({FULL_SPEED: 1.0} if cell.box else {})
+    return tuple(f"wall_follow.{name}={value}" for name, value in wanted.items() if hasattr(follow, name))
 
 
 def case_of(cell: RaceCell, world: World, line: CourseLine) -> Case:

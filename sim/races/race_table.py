@@ -1,6 +1,6 @@
 """The table of races: a row for each course and law, beside the line's theory and published times."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -11,24 +11,57 @@ from wallride.sim.races.published import PUBLISHED
 COLUMNS = (
     "course", "law", "laps", "lap s", "theory s", "error rms cm", "p99 cm", "hard stops", "contacts", "published s",
 )  # fmt: skip
+BOX_COLUMNS = (
+    "course", "law", "drives", "box there", "met at m/s", "touched", "harder than a full brake", "worst m/s above it",
+)  # fmt: skip
+HARDER_MPS = 0.15
+"""Excess of the speed at a contact over that after a full brake from which it counts, as in `lab safety`."""
 BY_LINE = "line+"
 """Begin of the name of a law that drives by the line: only its errors from the line mean anything."""
 
 
 def tables(rows: Sequence[Row]) -> list[TabledCell]:
     """Return a table for each friction, the lowest first."""
-    return [_table(mu, chosen(rows, mu=mu)) for mu in sorted(distinct(rows, "mu"))]
+    by_mu = [(mu, chosen(rows, mu=mu)) for mu in sorted(distinct(rows, "mu"))]
+    return [(_box_table if rows[0]["box"] else _table)(mu, some) for mu, some in by_mu]
 
 
 def _table(mu: float, rows: Sequence[Row]) -> TabledCell:
     raced = chosen(rows, reason="")
-    lines = [
-        _line(course_name(course), law, some)
-        for course in distinct(raced, "scenario")
-        for law in distinct(chosen(raced, scenario=course), "law")
-        if (some := chosen(raced, scenario=course, law=law))
-    ]
-    return TabledCell(f"mu {mu:g}: {_conditions(rows[0])}", COLUMNS, tuple(lines), tuple(_notes(rows, raced)))
+    lines = [_line(course, law, some) for course, law, some in _by_course_and_law(raced)]
+    return TabledCell(
+        f"mu {mu:g}: {rows[0]['laps']} laps, {_conditions(rows[0])}", COLUMNS, tuple(lines), tuple(_notes(rows, raced))
+    )
+
+
+def _by_course_and_law(raced: Sequence[Row]) -> Iterator[tuple[str, str, list[Row]]]:
+    for course in distinct(raced, "scenario"):
+        for law in distinct(chosen(raced, scenario=course), "law"):
+            yield course_name(course), law, chosen(raced, scenario=course, law=law)
+
+
+def _box_table(mu: float, rows: Sequence[Row]) -> TabledCell:
+    raced = chosen(rows, reason="")
+    lines = [(course, law, *_met(some)) for course, law, some in _by_course_and_law(raced)]
+    title = f"mu {mu:g}: a {rows[0]['box']} box in the way, {_conditions(rows[0])}"
+    notes = [f"all by {law}: {', '.join(_sums(chosen(raced, law=law)))}" for law in distinct(raced, "law")]
+    return TabledCell(title, BOX_COLUMNS, tuple(lines), (*notes, *_not_raced(rows)))
+
+
+def _met(rows: Sequence[Row]) -> tuple[str, ...]:
+    """Return the texts of a row behind course and law."""
+    shown = chosen(rows, box_shown=True)
+    return (
+        str(len(rows)), str(len(shown)), text(mean(shown, "met_at_mps"), 1),
+        str(sum(row["collided"] for row in rows)),
+        str(sum(row["excess_mps"] > HARDER_MPS for row in rows)),
+        text(worst(rows, "excess_mps"), 2),
+    )  # fmt: skip
+
+
+def _sums(rows: Sequence[Row]) -> Iterator[str]:
+    for name, value in zip(BOX_COLUMNS[2:], _met(rows), strict=True):
+        yield f"{name} {value}"
 
 
 def _line(course: str, law: str, rows: Sequence[Row]) -> tuple[str, ...]:
@@ -53,8 +86,8 @@ def _rms(rows: Sequence[Row]) -> float:
 
 
 def _conditions(row: Row) -> str:
-    """Return the conditions of a run of the lab in words; those that are as assumed are left out."""
-    words = [f"{row['laps']} laps at most {row['speed_mps']:g} m/s"]
+    """Return the conditions of a race in words; those that are as assumed are left out."""
+    words = [f"at most {row['speed_mps']:g} m/s"]
     if row["assumed"] != 1.0:
         words.append(f"friction assumed {row['assumed']:g} times as high")
     if row["delay_s"]:
@@ -80,8 +113,12 @@ def _notes(rows: Sequence[Row], raced: Sequence[Row]) -> list[str]:
             end = "a contact" if row["collided"] else row["last_reason"]
             who = f"{course_name(row['scenario'])}, {row['law']}, seed {row['seed']}"
             notes.append(f"{who}: {row['laps_driven']} laps, then {end}")
-    reasons = {course_name(row["scenario"]): row["reason"] for row in rows if row["reason"]}
-    notes += [f"{course}: not raced: {reason}" for course, reason in reasons.items()]
+    notes += _not_raced(rows)
     courses = [course_name(course) for course in distinct(raced, "scenario")]
     notes += [f"{course}: {PUBLISHED[course].conditions}" for course in courses if course in PUBLISHED]
     return notes
+
+
+def _not_raced(rows: Sequence[Row]) -> list[str]:
+    reasons = {course_name(row["scenario"]): row["reason"] for row in rows if row["reason"]}
+    return [f"{course}: not raced: {reason}" for course, reason in reasons.items()]

@@ -1,15 +1,20 @@
 """Figures and table of races, of drives whose truth is known."""
 
 import math
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
 from tests.runtime.control.line_following.lines import circle
-from wallride.runtime.arbitration.command import Source
+from tests.runtime.observed import scan_at
+from wallride.runtime.arbitration.command import NO_LIMIT_MPS, Source, Verdict
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab.cell import course_name
 from wallride.sim.lab.figures import common
+from wallride.sim.lab.safety import DISTANCES_M
+from wallride.sim.races.boxes import FREE, LEAST_MPS, STANDING, SUDDEN, BrakingGuard, box_figures, with_box
 from wallride.sim.races.mapped_lap import WHEELS, KeyframePoses
 from wallride.sim.races.race_cell import RaceCell, case_of, figures_of, lap_begins, not_raced
 from wallride.sim.races.race_table import COLUMNS, tables
@@ -124,7 +129,7 @@ def test_contacts_races_that_end_early_and_courses_without_a_race_are_told():
 
 def test_the_title_names_what_is_not_as_assumed():
     plain, wrong = (tables([row(one)])[0].title for one in (cell(), cell(assumed=1.2, delay_s=0.02, stiffness=0.7)))
-    assert plain == "mu 0.8: 5 laps at most 6 m/s"
+    assert plain == "mu 0.8: 5 laps, at most 6 m/s"
     assert wrong == f"{plain}, friction assumed 1.2 times as high, servo +20 ms, tyres 0.7 times as stiff"
 
 
@@ -133,3 +138,60 @@ def test_the_title_names_what_is_not_as_assumed():
 )
 def test_a_course_has_a_short_name(course, name):
     assert course_name(course) == name
+
+
+def test_a_box_stands_on_the_line_or_beside_it_where_the_map_lies_in_the_world():
+    turned = KeyframePoses(np.array([[10.0, 0.0, 0.5]]), np.array([[0.0, 0.0, 0.0]]))
+    asides = set()
+    for seed in range(12):
+        case = replace(case_of(cell(seed=seed), load_world("loop"), LINE), seed=seed)
+        (box,) = with_box(case, STANDING, LINE, turned).obstacles
+        place = (complex(box.appearance.pose.x_m, box.appearance.pose.y_m) - 10.0) * np.exp(-0.5j)
+        on = LINE.nearest(place)
+        asides.add(round(on.aside_m, 1))
+        assert on.along_m >= 0.39 * LINE.length_m, "the car has its speed there"
+        assert math.remainder(box.appearance.pose.yaw_rad - 0.5 - on.yaw_rad, math.tau) == pytest.approx(0.0, abs=0.05)
+    assert asides <= {-0.2, -0.1, 0.0, 0.1, 0.2}
+    assert len(asides) > 1
+
+
+def test_sudden_boxes_come_at_all_28_distances_and_speeds():
+    case = case_of(cell(), load_world("loop"), LINE)
+    boxes = [with_box(replace(case, seed=seed), SUDDEN, LINE, SAME).obstacles[0].appearance for seed in range(28)]
+    assert {(box.ahead_m, box.min_speed_mps) for box in boxes} == set(product(DISTANCES_M, LEAST_MPS))
+
+
+def test_a_contact_counts_by_what_a_full_brake_leaves():
+    contact, brake = (FirstContact(1.0, speed_mps, Pose(0.0, 0.0, 0.0)) for speed_mps in (3.0, 2.8))
+    hit, braked = run_of(1.0, contact=contact), run_of(1.0, contact=brake)
+    assert box_figures(hit, braked)["excess_mps"] == pytest.approx(0.2)
+    assert box_figures(hit, None)["excess_mps"] == 3.0
+    assert box_figures(run_of(1.0), None)["excess_mps"] == 0.0
+    assert not box_figures(run_of(1.0), None)["box_shown"]
+
+
+def test_the_table_of_boxes_counts_what_was_touched():
+    contact, rows = FirstContact(1.0, 3.0, Pose(0.0, 0.0, 0.0)), []
+    for box_run in (run_of(1.0, contact=contact), run_of(1.0)):
+        box_run.appeared[40:] = 1.0
+        figures = {"reason": "", **figures_of(box_run, LINE, SAME), **box_figures(box_run, None)}
+        rows.append(cell(box=SUDDEN).named(common(box_run) | figures))
+    (table,) = tables(rows)
+    assert table.rows == (("loop", "line+swept", "2", "2", "1.0", "1", "1", "3.00"),)
+    assert table.title.startswith("mu 0.8: a sudden box in the way")
+    assert table.notes[0].startswith("all by line+swept: drives 2, box there 2")
+
+
+def test_the_full_brake_judges_as_the_guard_does_until_the_box_shows():
+    ever, brake = Verdict(1.0, 1.0, "as ever"), Verdict(0.0, NO_LIMIT_MPS, "full brake")
+
+    class Guard:
+        def look(self, scan, motor):
+            return ever
+
+        def learn(self):
+            pass
+
+    for guard, before in ((Guard(), ever), (None, FREE)):
+        braking = BrakingGuard(guard, 2.0)
+        assert [braking.look(scan_at(time_s), None) for time_s in (1.975, 2.0, 2.025)] == [before, brake, brake]
