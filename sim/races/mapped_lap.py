@@ -38,8 +38,6 @@ WHEELS, TRIM_RAD = 1.03, 0.02
 GYRO_BIAS_RADPS, GYRO_NOISE_RADPS, GYRO_SCALE = 0.01, 0.01, 1.01
 STANDING_S, RATE_S = 2.0, 0.02
 NEAREST = 8
-TRIES = 3
-"""Laps driven until one makes a good map."""
 TRUTH_SUFFIX = ".truth.npz"
 
 
@@ -133,34 +131,25 @@ def keyframe_poses(record: LapRecord, lap: ClosedLap, truth: Floats) -> Keyframe
 
 
 def map_course(course: str, folder: Path) -> str:
-    """Write the map of a course's lap into a folder; return why it cannot be raced on, "" where it can.
+    """Write the map of a course's lap into a folder; return why there is none, "" where there is one.
 
-    course: as of `load_world`. A map that is there already is kept. A lap whose map is refused is driven again.
+    course: as of `load_world`. A map that is there already is kept; a refused one says so (`refusal_of`).
     """
     file = map_file(course, folder)
     if file.with_suffix(TRUTH_SUFFIX).is_file():
         return ""
-    usual, reason = MappingLap(), ""
-    for number in range(TRIES):
-        try:
-            record, truth = recorded_lap(load_world(course), replace(usual, seed=usual.seed + number))
-            lap = close_lap(record)
-        except (NoRingError, RecordingError) as error:
-            return str(error)
-        verdict = judge_map(record, lap)
-        if verdict.good:
-            _write_map(file, course, record, lap, keyframe_poses(record, lap, truth))
-            return ""
-        reason = f"its map is refused: {'; '.join(verdict.reasons)}"
-    return reason
-
-
-def _write_map(file: Path, course: str, record: LapRecord, lap: ClosedLap, poses: KeyframePoses) -> None:
+    try:
+        record, truth = recorded_lap(load_world(course), MappingLap())
+        lap = close_lap(record)
+    except (NoRingError, RecordingError) as error:
+        return str(error)
     raster = rasterized(lap.frames, lap.poses, record.kind[1])
-    about = f"{ABOUT}{record.name}, good"
+    about = f"{ABOUT}{record.name}, {judge_map(record, lap).words}"
     walls = walls_text(walls_of(lap, raster), lap.car.scale, about)
     write_files(map_files(file.with_suffix(""), raster, path_of(record, lap), walls, about, course))
+    poses = keyframe_poses(record, lap, truth)
     np.savez(file.with_suffix(TRUTH_SUFFIX), true=poses.true, found=poses.found)
+    return ""
 
 
 def map_file(course: str, folder: Path) -> Path:

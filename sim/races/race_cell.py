@@ -25,6 +25,7 @@ from wallride.sim.races.boxes import FULL_SPEED, SUDDEN, BrakingGuard, box_figur
 from wallride.sim.races.mapped_lap import TRIM_RAD, WHEELS, KeyframePoses, map_file, poses_of_map
 from wallride.sim.racing.free_space import FreeSpace
 from wallride.sim.racing.line_file import text_of
+from wallride.sim.racing.race import refusal_of
 from wallride.sim.racing.raceline import NoLineError, RaceLine, race_line
 from wallride.sim.racing.ring import NoRingError, driven_path, read_path, ring_of_path
 from wallride.sim.racing.speed_profile import Grip
@@ -80,7 +81,13 @@ class Racing:
             line = read_line(line_file)
             poses = poses_of_map(file)
             run, box = _drive(cell, line, poses, (f"map.file={file}", f"map.line={line_file}"))
-        figures = {"reason": "", "theory_s": number(planned.lap_s), **figures_of(run, line, poses), **box}
+        figures = {
+            "reason": "",
+            "map_refused": refusal_of(file),
+            "theory_s": number(planned.lap_s),
+            **figures_of(run, line, poses),
+            **box,
+        }
         return cell.named(common(run) | figures)
 
 

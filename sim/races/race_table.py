@@ -7,6 +7,7 @@ import numpy as np
 from wallride.sim.lab.cell import TabledCell, course_name
 from wallride.sim.lab.figures import Row, chosen, distinct, mean, text, worst
 from wallride.sim.races.published import PUBLISHED
+from wallride.sim.racing.race import DRIVE_AGAIN
 
 COLUMNS = (
     "course", "law", "laps", "lap s", "theory s", "error rms cm", "p99 cm", "hard stops", "contacts", "published s",
@@ -45,7 +46,7 @@ def _box_table(mu: float, rows: Sequence[Row]) -> TabledCell:
     lines = [(course, law, *_met(some)) for course, law, some in _by_course_and_law(raced)]
     title = f"mu {mu:g}: a {rows[0]['box']} box in the way, {_conditions(rows[0])}"
     notes = [f"all by {law}: {', '.join(_sums(chosen(raced, law=law)))}" for law in distinct(raced, "law")]
-    return TabledCell(title, BOX_COLUMNS, tuple(lines), (*notes, *_not_raced(rows)))
+    return TabledCell(title, BOX_COLUMNS, tuple(lines), (*notes, *_map_notes(rows)))
 
 
 def _met(rows: Sequence[Row]) -> tuple[str, ...]:
@@ -113,12 +114,17 @@ def _notes(rows: Sequence[Row], raced: Sequence[Row]) -> list[str]:
             end = "a contact" if row["collided"] else row["last_reason"]
             who = f"{course_name(row['scenario'])}, {row['law']}, seed {row['seed']}"
             notes.append(f"{who}: {row['laps_driven']} laps, then {end}")
-    notes += _not_raced(rows)
+    notes += _map_notes(rows)
     courses = [course_name(course) for course in distinct(raced, "scenario")]
     notes += [f"{course}: {PUBLISHED[course].conditions}" for course in courses if course in PUBLISHED]
     return notes
 
 
-def _not_raced(rows: Sequence[Row]) -> list[str]:
+def _map_notes(rows: Sequence[Row]) -> list[str]:
+    """Return why courses were not raced, and which maps `wallride map` would refuse."""
     reasons = {course_name(row["scenario"]): row["reason"] for row in rows if row["reason"]}
-    return [f"{course}: not raced: {reason}" for course, reason in reasons.items()]
+    refused = {course_name(row["scenario"]): row["map_refused"] for row in rows if row.get("map_refused")}
+    return [
+        *(f"{course}: not raced: {reason}" for course, reason in reasons.items()),
+        *(f"{course}: raced, although {why.removesuffix(DRIVE_AGAIN)}" for course, why in refused.items()),
+    ]

@@ -2,13 +2,11 @@
 
 import argparse
 import json
-from types import SimpleNamespace
 
 import pytest
 
 from wallride import lab_options
 from wallride.sim.lab.command import LabUsageError
-from wallride.sim.races import mapped_lap
 from wallride.sim.races.command import race_cells, race_choice, run
 from wallride.sim.races.mapped_lap import map_course, map_file
 from wallride.sim.races.race_cell import RaceCell, planned_line
@@ -57,6 +55,7 @@ def test_a_map_that_is_kept_is_taken_again(raced):
     before = {file.name: file.read_bytes() for file in folder.iterdir()}
     assert map_course("loop", folder) == ""
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+    assert [cell["map_refused"] for cell in raced[1]["cells"]] == ["", ""]
     assert set(before) == {"loop.yaml", "loop.pgm", "loop.path.csv", "loop.walls.csv", "loop.truth.npz"}
 
 
@@ -73,28 +72,6 @@ def test_more_assumed_friction_plans_a_faster_line(raced):
 def test_a_course_without_a_way_round_is_a_row_with_the_reason(tmp_path):
     assert "does not close on itself" in map_course("straight", tmp_path)
     assert not list(tmp_path.iterdir())
-
-
-def test_a_lap_whose_map_is_refused_is_driven_again(tmp_path, monkeypatch):
-    seeds, written = [], []
-
-    def refused(record, lap):
-        return SimpleNamespace(good=len(seeds) > 1, reasons=("the ring is open",))
-
-    def recorded(world, lap):
-        seeds.append(lap.seed)
-        return None, None
-
-    monkeypatch.setattr(mapped_lap, "recorded_lap", recorded)
-    monkeypatch.setattr(mapped_lap, "close_lap", lambda record: None)
-    monkeypatch.setattr(mapped_lap, "keyframe_poses", lambda *_: None)
-    monkeypatch.setattr(mapped_lap, "_write_map", lambda *_: written.append(seeds[-1]))
-    monkeypatch.setattr(mapped_lap, "judge_map", refused)
-    assert map_course("loop", tmp_path) == ""
-    assert (seeds, written) == ([1000, 1001], [1001])
-    monkeypatch.setattr(mapped_lap, "judge_map", lambda *_: SimpleNamespace(good=False, reasons=("open",)))
-    assert map_course("loop", tmp_path) == "its map is refused: open"
-    assert len(written) == 1
 
 
 def test_every_course_is_raced_by_every_law_on_every_floor(tmp_path):
