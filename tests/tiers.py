@@ -31,7 +31,8 @@ SLOW: Final = (
     "sim/virtual/test_turning_sensor.py",
     "sim/virtual/test_driving_together.py", "sim/world/test_map_file.py", "sim/world/test_map_start.py",
     # maps, poses and race lines of whole laps, computed off the car
-    "sim/mapping/", "sim/racing/", "wallride/test_line.py", "wallride/test_map.py", "wallride/test_pose.py",
+    "sim/mapping/", "sim/races/", "sim/racing/", "wallride/test_line.py", "wallride/test_map.py",
+    "wallride/test_pose.py",
     # long recordings and full disks
     "runtime/recording/test_recorded_times.py", "runtime/recording/test_recorder_disk.py",
     "sim/figures/test_drawing.py",

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from wallride.experiments import report_options, tune_options
+from wallride.experiments import race_options, report_options, tune_options
 from wallride.parser import add_jobs, add_json, add_set, at_least, number, writable_path
 from wallride.sim_options import add_car
 from wallride.sweeps import options as sweep_options
@@ -28,6 +28,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     experiments = parser.add_subparsers(dest="experiment", required=True, metavar="EXPERIMENT")
     report_options.add(experiments)
     tune_options.add(experiments)
+    race_options.add(experiments)
     for name, what in EXPERIMENTS.items():
         parser = add_experiment(experiments, name, what, fixed=name == "stories")
         if name in WITH_SETTINGS:

@@ -90,24 +90,29 @@ def _add_limits(line: argparse.ArgumentParser) -> None:
         "--mu", type=number(0.01, 5.0), default=0.8, metavar="MU", help="friction of the floor (default: 0.8)"
     )
     line.add_argument(
-        "--keep", dest="keep_m", type=number(0.01, 100.0), default=0.45, metavar="M",
-        help="distance from walls to the middle of the car (default: 0.45)",
-    )  # fmt: skip
-    line.add_argument(
         "--speed", dest="speed_mps", type=number(0.1, 50.0), default=6.0, metavar="MPS",
         help="highest speed (default: 6)",
     )  # fmt: skip
-    line.add_argument(
-        "--lateral", dest="lateral_share", type=_share, default=0.6, metavar="SHARE",
-        help="share of the grip that bends may use (default: 0.6)",
-    )  # fmt: skip
-    line.add_argument(
-        "--brake", dest="brake_share", type=_share, default=0.45, metavar="SHARE",
-        help="share of the grip that braking may use (default: 0.45; at most 4.6 m/s2, as the VESC's ramp)",
-    )  # fmt: skip
+    add_reserve(line)
     line.add_argument(
         "--avoid", type=_circle, action="append", default=[], metavar="X,Y,RADIUS",
         help="a round place to keep away from, in metres on the map; --avoid=-1,2,0.3 where X is negative (repeatable)",
+    )  # fmt: skip
+
+
+def add_reserve(command: argparse.ArgumentParser) -> None:
+    """Add the distance and the shares of the grip that a line leaves to what drives it."""
+    command.add_argument(
+        "--keep", dest="keep_m", type=number(0.01, 100.0), default=0.45, metavar="M",
+        help="distance from walls to the middle of the car (default: 0.45)",
+    )  # fmt: skip
+    command.add_argument(
+        "--lateral", dest="lateral_share", type=_share, default=0.6, metavar="SHARE",
+        help="share of the grip that bends may use (default: 0.6)",
+    )  # fmt: skip
+    command.add_argument(
+        "--brake", dest="brake_share", type=_share, default=0.45, metavar="SHARE",
+        help="share of the grip that braking may use (default: 0.45; at most 4.6 m/s2, as the VESC's ramp)",
     )  # fmt: skip
 
 

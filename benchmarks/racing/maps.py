@@ -2,11 +2,9 @@
 
 Run: python -m benchmarks.racing.maps --data DATA
 
-Each drive is a lap along the wall and LATER_M more, with the default laws: ranges with 20 mm of noise and 2 % of
-outliers, the sweep skewed by the motion, wheels that report 3 % too much, a steering trim of 0.02 rad, a gyro with a
-bias of 0.01 rad/s, noise of 0.01 rad/s and a scale 1 % wrong (every other drive has none). The errors are those of the
-path after one rigid alignment with the truth, the time that of one core. Exit code 1 where a good map is refused, or a
-wrong one is called good.
+Each drive is the lap of `wallride.sim.races.mapped_lap`, which names the errors of sensors, wheels and steering; every
+other drive has no gyro. The errors are those of the path after one rigid alignment with the truth, the time that of
+one core. Exit code 1 where a good map is refused, or a wrong one is called good.
 """
 
 import argparse
@@ -21,17 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from wallride.drivers.api import MotorState, Scan
-from wallride.runtime.control.guidance import Follower, Guidance
-from wallride.runtime.control.vehicle import CarSettings
-from wallride.sim.car.vehicle import VehicleSettings
-from wallride.sim.lab.laws import build
 from wallride.sim.mapping.closing import ClosedLap, close_lap
-from wallride.sim.mapping.lap_record import LapRecord, read_record, record_of_scans
-from wallride.sim.mapping.odometry_path import of_the_axle
+from wallride.sim.mapping.lap_record import LapRecord, read_record
 from wallride.sim.mapping.verdict import judge_map
-from wallride.sim.racing.ring import ring_length_m, ring_of
-from wallride.sim.virtual.closed_loop import Case, drive
+from wallride.sim.races.mapped_lap import WHEELS, MappingLap, keyframe_poses, recorded_lap
 from wallride.sim.world.lap import Lap
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import Floats, Pose
@@ -41,11 +32,7 @@ from wallride.sim.world.worlds import load_world
 MAPS = ("levine", "berlin", "skirk", "hangar", "track_porto", "stata_basement", "aut", "gbr")
 TRACKS = ("track:seed=7", "track:seed=23")
 SPEEDS_MPS, FRICTIONS = (2.0, 4.0), (0.5, 0.8)
-LATER_M = 15.0
 RMS_M, MAX_M, TIME_S, REAL_RESIDUAL_M = 0.03, 0.10, 10.0, 0.016
-WHEELS, TRIM_RAD = 1.03, 0.02
-GYRO_BIAS_RADPS, GYRO_NOISE_RADPS, GYRO_SCALE = 0.01, 0.01, 1.01
-STANDING_S, RATE_S = 2.0, 0.02
 FLAWS = ("open", "silent", "wheels")
 """Broken recordings: cut off before the lap is whole; 10 s without scans; wheels 10 % wrong."""
 FLAWED = ("levine", "hangar", "track:seed=7")
@@ -66,43 +53,12 @@ class MapDrive:
     flaw: str = ""
 
 
-class Taker:
-    """A follower that keeps what it is given."""
-
-    def __init__(self, follower: Follower) -> None:
-        self._follower = follower
-        self.scans: list[Scan] = []
-        self.states: list[MotorState] = []
-
-    def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
-        """Answer as the follower does."""
-        self.scans.append(scan)
-        if motor is not None:
-            self.states.append(motor)
-        return self._follower.follow(scan, motor)
-
-
 def recorded(lap: MapDrive, data: Path) -> tuple[LapRecord, Floats]:
     """Return the recording of a drive, and the true poses of the rear axle at its scans, (n, 3)."""
-    world = world_of(lap.place, data)
-    desired_m = min(1.0, world.room_m)
-    follower, guard = build("ball", world.side, desired_m, lap.speed_mps)
-    taker = Taker(follower)
-    way_m = 1.05 * ring_length_m(ring_of(world)) + LATER_M
-    case = Case(
-        world, desired_m=desired_m, distance_m=way_m, duration_s=300.0, standing_s=5.0, seed=lap.seed,
-        vehicle=VehicleSettings(grip_mu=lap.mu, trim_rad=TRIM_RAD),
-    )  # fmt: skip
-    run = drive(case, taker, guard)
-    record = record_of_scans(lap.place, taker.scans, taker.states, CarSettings())
     wheels = 1.10 if lap.flaw == "wheels" else WHEELS
-    reports = record.reports * np.array([1.0, wheels, wheels, 1.0])
-    standing_s = np.arange(-STANDING_S, 0.0, RATE_S)
-    stood = np.column_stack([standing_s, *np.zeros((3, standing_s.size))])
-    record = replace(record, reports=np.vstack([stood, reports]))
-    if lap.gyro:
-        record = replace(record, gyro=_gyro(record.scan_s, run.pose[:, 2], standing_s, lap.seed))
-    return _flawed(record, run.pose, lap.flaw)
+    conditions = MappingLap(lap.speed_mps, lap.mu, lap.seed, lap.gyro, wheels)
+    record, truth = recorded_lap(world_of(lap.place, data), conditions)
+    return _flawed(record, truth, lap.flaw)
 
 
 def world_of(place: str, data: Path) -> World:
@@ -122,14 +78,6 @@ def _colonnade() -> World:
     return World(COLONNADE, SegmentGeometry(np.array(walls), np.array(pillars)), Pose(-9.0, 3.0, 0.0), lap=centre)
 
 
-def _gyro(time_s: Floats, yaw_rad: Floats, standing_s: Floats, seed: int) -> Floats:
-    rates = np.diff(np.unwrap(yaw_rad)) / np.diff(time_s)
-    true = np.concatenate([np.zeros(standing_s.size), rates])
-    noise = np.random.default_rng(seed).normal(0.0, GYRO_NOISE_RADPS, true.size)
-    at_s = np.concatenate([standing_s, (time_s[1:] + time_s[:-1]) / 2])
-    return np.column_stack([at_s, GYRO_SCALE * true + GYRO_BIAS_RADPS + noise])
-
-
 def _flawed(record: LapRecord, truth: Floats, flaw: str) -> tuple[LapRecord, Floats]:
     count = len(record.scan_s)
     keep = np.ones(count, dtype=bool)
@@ -143,10 +91,8 @@ def _flawed(record: LapRecord, truth: Floats, flaw: str) -> tuple[LapRecord, Flo
 
 def errors_m(lap: ClosedLap, record: LapRecord, truth: Floats) -> Floats:
     """Return the distance of each keyframe from the truth after one rigid alignment, (n,)."""
-    axle = of_the_axle(lap.poses, record.lidar_m)
-    found = axle[:, 0] + 1j * axle[:, 1]
-    index = np.searchsorted(record.scan_s, [frame.time_s for frame in lap.frames])
-    true = truth[index, 0] + 1j * truth[index, 1]
+    poses = keyframe_poses(record, lap, truth)
+    found, true = (some[:, 0] + 1j * some[:, 1] for some in (poses.found, poses.true))
     found, true = found - found.mean(), true - true.mean()
     turn = np.vdot(found, true)
     return np.abs(found * turn / abs(turn) - true)

@@ -15,11 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.racing.maps import MAPS, TRACKS, WHEELS, MapDrive, recorded
+from benchmarks.racing.maps import MAPS, TRACKS, MapDrive, recorded
 from wallride.drivers.api import MotorState
 from wallride.runtime.control.localization.gyro_odometry import GyroOdometry
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.mapping.lap_record import LapRecord
+from wallride.sim.races.mapped_lap import WHEELS
 from wallride.sim.world.pose import Floats
 
 WAY_M, RMS_M, RMS_DEG = 10.0, 0.20, 1.2

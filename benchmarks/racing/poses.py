@@ -31,10 +31,10 @@ from wallride.runtime.control.localization.wall_points import MapCells
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.mapping.closing import close_lap
 from wallride.sim.mapping.lap_record import LapRecord
-from wallride.sim.mapping.odometry_path import of_the_axle
 from wallride.sim.mapping.poses import moments
 from wallride.sim.mapping.raster import cells_of_raster, rasterized
 from wallride.sim.mapping.walls import walls_of
+from wallride.sim.races.mapped_lap import KeyframePoses, keyframe_poses
 from wallride.sim.world.grid import GridGeometry
 from wallride.sim.world.pose import Floats
 
@@ -44,7 +44,6 @@ DRIVES = ((3.0, 0.5), (6.0, 0.5), (6.0, 0.8))
 SIGHTS = ("clear", "half covered", "car ahead", "silences")
 LATERAL_RMS_M, P99_M, YAW_RMS_DEG, KIDNAP_S = 0.02, 0.05, 0.3, 1.0
 CORRIDOR_M = 0.03
-NEAREST = 8
 KIDNAPS = 16
 KIDNAP_WAY_M, KIDNAP_LIMIT_S = 2.0, 5.0
 
@@ -61,31 +60,11 @@ class PoseDrive:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownMap:
-    """A map and the scale of the wheels that it tells.
-
-    true, found: poses (k, 3) of its keyframes, in the truth's frame and on the map; one where both are the same.
-    """
+    """A map, the scale of the wheels that it tells, and the poses of its keyframes."""
 
     field: LineField
     scale: float
-    true: Floats
-    found: Floats
-
-    def of(self, truth: Floats, keyframes: int = NEAREST) -> Floats:
-        """Return true poses (n, 3) on the map, by so many of the nearest keyframes; by all: one rigid alignment."""
-        places, spots = truth[:, 0] + 1j * truth[:, 1], self.true[:, 0] + 1j * self.true[:, 1]
-        there = self.found[:, 0] + 1j * self.found[:, 1]
-        found = np.empty_like(truth)
-        for number, place in enumerate(places):
-            near = np.argsort(np.abs(spots - place))[:keyframes]
-            true_m, found_m = spots[near].mean(), there[near].mean()
-            turns = np.exp(1j * (self.found[near, 2] - self.true[near, 2])).mean()
-            if keyframes >= len(spots) > 1:
-                turns = np.vdot(spots - true_m, there - found_m)
-            turn = turns / abs(turns)
-            at = found_m + turn * (place - true_m)
-            found[number] = at.real, at.imag, truth[number, 2] + np.angle(turn)
-        return found
+    poses: KeyframePoses
 
 
 def mapped(drive: PoseDrive) -> KnownMap:
@@ -97,14 +76,12 @@ def mapped(drive: PoseDrive) -> KnownMap:
         solid, origin = world.geometry.solid, world.geometry.origin
         turn = complex(math.cos(origin.yaw_rad), math.sin(origin.yaw_rad))
         cells = MapCells(solid, ~solid, world.geometry.cell_m, complex(origin.x_m, origin.y_m), turn)
-        return KnownMap(field_of_cells(cells), 1.0, np.zeros((1, 3)), np.zeros((1, 3)))
+        return KnownMap(field_of_cells(cells), 1.0, KeyframePoses(np.zeros((1, 3)), np.zeros((1, 3))))
     record, truth = recorded(MapDrive(drive.place, MAP_MPS, MAP_MU, drive.seed, gyro=True), drive.data)
     lap = close_lap(record)
     raster = rasterized(lap.frames, lap.poses, record.kind[1])
     field = line_field(walls_of(lap, raster), cells_of_raster(raster))
-    axle = of_the_axle(lap.poses, record.lidar_m)
-    index = np.searchsorted(record.scan_s, [frame.time_s for frame in lap.frames])
-    return KnownMap(field, lap.car.scale, truth[index], axle)
+    return KnownMap(field, lap.car.scale, keyframe_poses(record, lap, truth))
 
 
 def seen(record: LapRecord, sight: str, seed: int) -> LapRecord:
@@ -202,7 +179,7 @@ def _measured(drive: PoseDrive, known: KnownMap) -> Iterator[dict[str, Any]]:
     for number, (speed_mps, mu) in enumerate(DRIVES):
         lap = MapDrive(drive.place, speed_mps, mu, drive.seed + 1 + number, gyro=False)
         record, truth = recorded(lap, drive.data)
-        true, rigid = known.of(truth), known.of(truth, len(known.true))
+        true, rigid = known.poses.of(truth), known.poses.of(truth, len(known.poses.true))
         for sight in SIGHTS:
             found, took_ms = tracked(known.field, seen(record, sight, lap.seed), true[0], known.scale)
             row = {"place": drive.place, "speed_mps": speed_mps, "mu": mu, "sight": sight, "scans": len(found)}

@@ -44,6 +44,11 @@ class Cell:
         return {**asdict(self), **figures}
 
 
+def course_name(scenario: str) -> str:
+    """Return the short name of a course: of a map or a recording the file's name alone."""
+    return Path(scenario).stem if "/" in scenario or scenario.endswith(".yaml") else scenario
+
+
 @dataclass(frozen=True, slots=True)
 class CellChoice:
     """Selection of runs. own_parts: of every car; "": none on every other seed, the kinds in turn between."""

@@ -8,15 +8,17 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rich.console import Console
 from rich.table import Table
 
 from wallride.runtime.host.output_files import write_answer
+from wallride.runtime.line_files import read_course
+from wallride.runtime.map_files import MapError
 from wallride.runtime.settings.tree import SettingsError
 from wallride.sim.lab import laws
-from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Figures, TabledCell
+from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Figures, TabledCell, course_name
 from wallride.sim.lab.laps import maps_in
 from wallride.sim.lab.pool import experiment, measure_all
 from wallride.sim.scenario.conditions import ConditionsError, RequestedConditions, named_conditions, named_once
@@ -24,6 +26,7 @@ from wallride.sim.world.map_file import check_map
 from wallride.sim.world.own_parts import OWN_PARTS
 from wallride.sim.world.pose import Side
 
+C = TypeVar("C", bound=Cell)
 FAILED = 1
 USAGE_ERROR = 2
 INTERRUPTED = 130
@@ -67,22 +70,20 @@ def run(options: argparse.Namespace) -> int:
         return INTERRUPTED
     took_s = time.monotonic() - began_s
     tables = chosen_experiment.tables(figures)
-    _write(options, choice, figures, tables, took_s)
+    write(options, choice, figures, tables, took_s)
     if options.json != "-":
-        # A file or a pipe has no width of its own: use one that no table breaks.
-        _show(
-            tables,
-            Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH, markup=False),
-            f"{len(cells)} runs in {took_s:.0f} s",
-        )
+        show(tables, f"{len(cells)} runs in {took_s:.0f} s")
     faults = laws.own_law_faults(choice.laws, figures)
     for fault in faults:
         print(f"wallride: the car stood: {fault}", file=sys.stderr)  # noqa: T201 - this is the command's voice
     return FAILED if faults else 0
 
 
-def chosen(options: argparse.Namespace) -> CellChoice:
-    """Return the selection of the options; LabUsageError or ConditionsError for invalid ones."""
+def chosen(options: argparse.Namespace, mus: tuple[float, ...] = MUS) -> CellChoice:
+    """Return the selection of the options; LabUsageError or ConditionsError for invalid ones.
+
+    mus: frictions where none is named.
+    """
     quick = options.quick
     seeds = _seeds(options)
     laws_chosen = _laws(options.method)
@@ -92,7 +93,7 @@ def chosen(options: argparse.Namespace) -> CellChoice:
     return CellChoice(
         laws_chosen,
         _numbers("--speeds", options.speeds, 0.3, 8.0) or (QUICK_SPEEDS_MPS if quick else SPEEDS_MPS),
-        _numbers("--mu", mu if mu is None else str(mu), 0.1, 2.0) or (QUICK_MUS if quick else MUS),
+        _numbers("--mu", mu if mu is None else str(mu), 0.1, 2.0) or (QUICK_MUS if quick else mus),
         _sides(options.side, quick=quick),
         seeds,
         quick,
@@ -106,7 +107,7 @@ def chosen(options: argparse.Namespace) -> CellChoice:
     )
 
 
-def only(cells: Sequence[Cell], text: str | None) -> list[Cell]:
+def only(cells: Sequence[C], text: str | None) -> list[C]:
     """Return the cells whose course has one of the names, or matches a pattern; UsageError for a wrong one."""
     if text is None:
         return list(cells)
@@ -114,18 +115,15 @@ def only(cells: Sequence[Cell], text: str | None) -> list[Cell]:
     kept: set[str] = set()
     for pattern in (part.strip() for part in text.split(",")):
         found = [
-            course for course in courses if fnmatch.fnmatch(course, pattern) or fnmatch.fnmatch(_short(course), pattern)
+            course
+            for course in courses
+            if fnmatch.fnmatch(course, pattern) or fnmatch.fnmatch(course_name(course), pattern)
         ]
         if not found:
-            known = ", ".join(dict.fromkeys(map(_short, courses)))
+            known = ", ".join(dict.fromkeys(map(course_name, courses)))
             raise LabUsageError(f"--only {pattern}: no course is called so; write some of {known}")
         kept.update(found)
     return [cell for cell in cells if cell.scenario in kept]
-
-
-def _short(course: str) -> str:
-    """Return the short name of a course: of a map or a recording the file's name alone."""
-    return Path(course).stem if "/" in course else course
 
 
 def _experiment(options: argparse.Namespace) -> str:
@@ -164,8 +162,9 @@ def _settings(options: argparse.Namespace, chosen_laws: Sequence[str]) -> tuple[
         raise LabUsageError(f"--set {fixed}: the lab varies it; use {FIXED_SETTINGS[fixed.partition('=')[0].strip()]}")
     for law in chosen_laws:
         try:
-            laws.settings_of(law, "left", DESIRED_M, 1.0, assignments)
-        except SettingsError as error:
+            settings = laws.settings_of(law, "left", DESIRED_M, 1.0, assignments)
+            read_course(settings.map, settings.car)
+        except (SettingsError, MapError) as error:
             raise LabUsageError(f"{law}: {error}") from None
     return tuple(assignments)
 
@@ -234,13 +233,14 @@ def _check_outputs(options: argparse.Namespace) -> None:
         raise LabUsageError(f"--plot {options.plot}: is not a directory; name one for the pictures")
 
 
-def _write(
+def write(
     options: argparse.Namespace,
     choice: CellChoice,
     figures: Sequence[Figures],
     tables: Sequence[TabledCell],
     took_s: float,
 ) -> None:
+    """Write the JSON file that the options name, if any."""
     if options.json is None:
         return
     summary: dict[str, Any] = {
@@ -260,7 +260,10 @@ def _write(
     write_answer(json.dumps(summary, indent=1, allow_nan=False) + "\n", options.json)
 
 
-def _show(tables: Sequence[TabledCell], console: Console, took: str) -> None:
+def show(tables: Sequence[TabledCell], took: str) -> None:
+    """Print tables with their notes. took: what was run, and how long."""
+    # A file or a pipe has no width of its own: use one that no table breaks.
+    console = Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH, markup=False)
     for made in tables:
         table = Table(*made.columns, title=made.title, title_justify="left")
         for row in made.rows:

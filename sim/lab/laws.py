@@ -12,6 +12,7 @@ from typing import Any
 from wallride.runtime.control.guidance import Follower, Guard
 from wallride.runtime.control.laws import LawStack, Parts
 from wallride.runtime.control.own_laws.law_class import is_own, load_law
+from wallride.runtime.line_files import read_course
 from wallride.runtime.settings.tree import Settings, load_settings
 from wallride.sim.lab.cell import Cell
 from wallride.sim.lab.courses.prototype import Prototype
@@ -67,14 +68,18 @@ def build(
 
 
 def stack_of(law: str, side: Side, desired_m: float, speed_mps: float, assignments: Sequence[str] = ()) -> LawStack:
-    """Return the fresh stack of laws; "none" is the report's safety with both rules off."""
+    """Return the fresh stack of laws, on the map that the settings name, if any. Raises: SettingsError, MapError.
+
+    "none" is the report's safety with both rules off.
+    """
     settings = settings_of(law, side, desired_m, speed_mps, assignments)
 
     def prototype(parts: Parts) -> Prototype:
         return Prototype(side, desired_m, speed_mps, parts.car, parts.perception.views)
 
     driver = prototype if check(law).startswith("prototype+") else None
-    return LawStack(settings.wall_follow, settings.safety, settings.car, driver=driver)
+    course = read_course(settings.map, settings.car)
+    return LawStack(settings.wall_follow, settings.safety, settings.car, driver=driver, course=course)
 
 
 def own_law_faults(laws: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
@@ -11,6 +12,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 from wallride.sim.lab.cell import Cell, Experiment, Figures, module_of
 from wallride.sim.lab.workers.finished_cell import Ends
 from wallride.sim.lab.workers.submit import submit
+
+C = TypeVar("C")
 
 
 class CellFailedError(RuntimeError):
@@ -57,7 +60,7 @@ def measure_all(cells: Sequence[Cell], jobs: int | None, plots: Path | None, con
         return in_order(submit(cells, Measuring(plots), jobs=jobs), lambda: progress.advance(bar))
 
 
-def in_order(ends: Ends[Cell], advance: Callable[[], None] = lambda: None) -> list[Figures]:
+def in_order(ends: Ends[C], advance: Callable[[], None] = lambda: None) -> list[Figures]:
     """Return the figures of all cells in their order; CellFailedError abandons the rest. advance: after each."""
     measured: dict[int, Figures] = {}
     with closing(ends) as ended:

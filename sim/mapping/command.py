@@ -25,13 +25,12 @@ def run(options: argparse.Namespace) -> int:
     record = read_record(options.file, options.topic)
     lap = close_lap(record)
     verdict = judge_map(record, lap, is_open=options.open)
-    words = "good" if verdict.good else f"refused: {'; '.join(verdict.reasons)}"
     stem = _stem(options.output, options.file)
     if not verdict.good and _is_good(stem):
         stem = stem.with_name(f"{stem.name}-refused")
     raster, path = rasterized(lap.frames, lap.poses, record.kind[1]), path_of(record, lap)
     scale = lap.car.scale if len(record.reports) else None
-    about = f"{ABOUT}{record.name}, {words}"
+    about = f"{ABOUT}{record.name}, {verdict.words}"
     walls = walls_text(walls_of(lap, raster), scale, about)
     files = map_files(stem, raster, path, walls, about, record.world)
     title = f"{record.name}: {verdict.way_m:.1f} m, {'good' if verdict.good else 'refused'}"
@@ -44,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     write_answer(json.dumps(told) + "\n", options.json)
     if options.json != "-":
         written = f"written: {', '.join(map(str, files))}"
-        for line in (*summary(record, lap, verdict), written, f"verdict: {words}"):
+        for line in (*summary(record, lap, verdict), written, f"verdict: {verdict.words}"):
             print(line)  # noqa: T201 - this is the command's answer
     return 0 if verdict.good else REFUSED
 

@@ -47,6 +47,11 @@ class MapVerdict:
         """Return whether nothing speaks against the map."""
         return not self.reasons
 
+    @property
+    def words(self) -> str:
+        """Return "good", or "refused" with the reasons."""
+        return "good" if self.good else f"refused: {'; '.join(self.reasons)}"
+
 
 def judge_map(record: LapRecord, lap: ClosedLap, *, is_open: bool = False) -> MapVerdict:
     """Return the verdict on a lap. is_open: the drive does not return to its beginning, and need not."""

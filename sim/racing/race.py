@@ -24,6 +24,8 @@ START: Final = " --pose "
 SPARE: Final = 1.1
 """The car's maximum speed over the line's highest: wheels that report too much are commanded more."""
 MOVES_MPS: Final = 0.3
+DRIVE_AGAIN: Final = ". Drive the lap again"
+"""Remedy at the end of the sentence on a refused map."""
 
 
 def take_race(options: argparse.Namespace) -> None:
@@ -60,7 +62,7 @@ def line_of_map(file: Path) -> Path:
 def refusal_of(file: Path) -> str:
     """Return why a map is not to be trusted, "" for a good one. Raises: MapError."""
     refused = re.search(r"^# .*, (refused: .*)$", _text(file), re.MULTILINE)
-    return f"the map is {refused[1]}. Drive the lap again" if refused else ""
+    return f"the map is {refused[1]}{DRIVE_AGAIN}" if refused else ""
 
 
 def world_of_map(file: Path) -> tuple[str, str | None]:

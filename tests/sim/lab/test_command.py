@@ -292,7 +292,12 @@ def test_the_other_experiments_take_settings_too():
 
 
 @pytest.mark.parametrize(
-    ("text", "words"), [("wall_follow.side=right", "--side"), ("wall_follow.kpp=1", "kpp is not a setting")]
+    ("text", "words"),
+    [
+        ("wall_follow.side=right", "--side"),
+        ("wall_follow.kpp=1", "kpp is not a setting"),
+        ("map.file=no.yaml", "no map file"),
+    ],
 )
 def test_a_setting_that_the_lab_varies_or_does_not_know_is_refused(text, words):
     with pytest.raises(LabUsageError, match=words):
