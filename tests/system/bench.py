@@ -2,7 +2,6 @@
 
 import asyncio
 import math
-import os
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -22,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CORRIDOR_MM = to_sensor_mm(ranges_between_walls(1.0, 1.0), 0.02, 30.0)
 BLOCKED_MM = to_sensor_mm(ranges_between_walls(1.0, 1.0, ahead_m=0.8), 0.02, 30.0)
 GAIN = 4614.0
-STARTS_WITHIN_S = 50.0 if "FAULTS_BUSY" in os.environ else 15.0
+STARTS_WITHIN_S = 50.0
 """Time for the process to start, too: on a full computer its imports alone take longer than all that is promised."""
 
 
