@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 from wallride.drivers.api import Clock, MotorState, Scan
 from wallride.runtime.arbitration.command import SafetyAssessment, Verdict
+from wallride.runtime.control.corridor_following.corridor_follower import CorridorFollower
 from wallride.runtime.control.guidance import Follower, Guard, Guidance
 from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.line_following.line_follower import LineFollower
@@ -96,6 +97,7 @@ FOLLOWERS: Mapping[str, Callable[[Any, Parts], Driver]] = MappingProxyType(
         "ball": lambda settings, parts: BallFollower(settings, parts.car, parts.perception.views),
         "report": lambda settings, _: ReportFollower(settings),
         "line": lambda settings, parts: LineFollower(settings, parts.car, parts.perception.views, parts.course),
+        "corridor": lambda settings, parts: CorridorFollower(settings, parts.car, parts.perception),
         OWN_TAG: lambda settings, parts: OwnFollower(
             load_law("wall_follow", settings.method), settings, parts.car, parts.perception, parts.clock
         ),

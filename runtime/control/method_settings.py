@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Discriminator, Field, SerializeAsAny, Tag, ValidationInfo, field_validator
 
+from wallride.runtime.control.corridor_following.corridor_settings import CorridorFollowSettings
 from wallride.runtime.control.line_following.line_settings import LineFollowSettings
 from wallride.runtime.control.own_laws.api import LawSettings
 from wallride.runtime.control.own_laws.law_class import OWN_TAG, checked_name, is_own
@@ -22,7 +23,7 @@ class BallFollowSettings(BallSettings):
     """The rolling ball: the default follower."""
 
     method: Literal["ball"] = "ball"
-    """Wall-following law: the rolling ball, the lab report's, or the race line of a map."""
+    """Wall-following law: the rolling ball, the lab report's, the race line of a map, or a way between both borders."""
     expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
     """Lifetime of a navigation command, counted from its scan."""
 
@@ -72,12 +73,15 @@ def _method(default: str) -> Discriminator:
     return Discriminator(tell)
 
 
-WallFollowSettings = BallFollowSettings | ReportFollowSettings | LineFollowSettings | OwnFollowSettings
+WallFollowSettings = (
+    BallFollowSettings | ReportFollowSettings | LineFollowSettings | CorridorFollowSettings | OwnFollowSettings
+)
 SafetySettings = SweptSafetySettings | ReportSafetySettings | OwnSafetySettings
 ChosenWallFollow = Annotated[
     Annotated[BallFollowSettings, Tag("ball")]
     | Annotated[ReportFollowSettings, Tag("report")]
     | Annotated[LineFollowSettings, Tag("line")]
+    | Annotated[CorridorFollowSettings, Tag("corridor")]
     | Annotated[OwnFollowSettings, Tag(OWN_TAG)],
     _method(DEFAULT_FOLLOW),
 ]
@@ -88,12 +92,12 @@ ChosenSafety = Annotated[
     _method(DEFAULT_SAFETY),
 ]
 METHODS: Mapping[str, tuple[type[BaseModel], ...]] = {
-    "wall_follow": (BallFollowSettings, ReportFollowSettings, LineFollowSettings),
+    "wall_follow": (BallFollowSettings, ReportFollowSettings, LineFollowSettings, CorridorFollowSettings),
     "safety": (SweptSafetySettings, ReportSafetySettings),
 }
 OWN_METHODS: Mapping[str, type[BaseModel]] = {"wall_follow": OwnFollowSettings, "safety": OwnSafetySettings}
 """Settings of the user's own laws, beside the built-in ones."""
-TAGS = frozenset({"ball", "line", "swept", "report", OWN_TAG})
+TAGS = frozenset({"ball", "line", "corridor", "swept", "report", OWN_TAG})
 
 _KEPT = frozenset({"side", "desired_distance_m", "speed_mps", "expires_after_s", "binds_teleop"})
 """Settings with the same meaning in every law; gains and margins of one law do not transfer to another."""

@@ -20,7 +20,7 @@ from wallride.sim.scenario.conditions import put_on_top
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
 from wallride.sim.world.pose import Side
 
-GUARD_OF = {"report": "report", "ball": "swept", "line": "swept", "prototype": "swept"}
+GUARD_OF = {"report": "report", "ball": "swept", "line": "swept", "corridor": "swept", "prototype": "swept"}
 """Guard of every follower on the car."""
 GUARDS = ("report", "swept", "none")
 

@@ -20,6 +20,7 @@ from wallride.runtime.arbitration.driving_state import (
     DrivingState,
     Observation,
 )
+from wallride.runtime.control.corridor_following.corridor_settings import CorridorFollowSettings
 from wallride.runtime.control.line_following.line_settings import LineFollowSettings
 from wallride.runtime.control.method_settings import OwnSafetySettings
 from wallride.runtime.control.own_laws.law_class import OWN_TAG
@@ -133,10 +134,13 @@ def settings_page() -> str:
     default = catalogue(Settings())
     report = Settings(wall_follow=ReportFollowSettings(), safety=ReportSafetySettings())
     line = Settings(wall_follow=LineFollowSettings())
+    corridor = Settings(wall_follow=CorridorFollowSettings())
     own = Settings().model_copy(
         update={"wall_follow": OwnFollowSettings.model_construct(), "safety": OwnSafetySettings.model_construct()}
     )
-    others = {"line": catalogue(line), "report": catalogue(report), OWN_TAG: catalogue(own)}
+    others = {
+        "line": catalogue(line), "corridor": catalogue(corridor), "report": catalogue(report), OWN_TAG: catalogue(own)
+    }  # fmt: skip
     for title, chosen in _sections(default, others):
         lines += [f"## {title}\n", "| setting | default | range | obeyed | looser | meaning |", "| --- " * 6 + "|"]
         lines += [_setting_row(parameter) for parameter in chosen]

@@ -80,13 +80,15 @@ class Promises:
         self._made.append(now)
 
 
-def way_ahead(line: CourseLine, now: Return, pose: tuple[complex, float], speed_mps: float) -> tuple[Places, Floats]:
+def way_ahead(
+    line: CourseLine, now: Return, pose: tuple[complex, float], speed_mps: float, most_m: float = math.inf
+) -> tuple[Places, Floats]:
     """Return places in base_link, the first one the car's own, and the line's speed at each of them, (n,).
 
-    pose: place and heading of the rear axle on the map.
+    pose: place and heading of the rear axle on the map. most_m: way along the line beyond which nothing is promised.
     """
     reach_m = REACH_M + REACH_S * speed_mps + speed_mps**2 / (2.0 * BRAKES_MPS2)
-    way_m: Floats = np.arange(STEP_M, reach_m + STEP_M, STEP_M)
+    way_m: Floats = np.arange(STEP_M, min(reach_m + STEP_M, most_m), STEP_M)
     places, directions, speeds_mps = line.ahead(now.along_m, way_m)
     places = places + 1j * now.aside_at(way_m) * directions
     place_m, heading_rad = pose

@@ -11,7 +11,7 @@ class ReportFollowSettings(Section):
     """The report's wall follower: side, distance, speed and gains."""
 
     method: Literal["report"] = "report"
-    """Wall-following law: the rolling ball, the lab report's, or the race line of a map."""
+    """Wall-following law: the rolling ball, the lab report's, the race line of a map, or a way between both borders."""
     side: Literal["left", "right"] = "left"
     """Side of the followed wall."""
     desired_distance_m: Annotated[float, Field(ge=0.2, le=5)] = 1.0

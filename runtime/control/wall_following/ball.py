@@ -77,6 +77,11 @@ class BallFollower:
         crossed = [(r * math.cos(b), self._sign * r * math.sin(b)) for r, b, crosses in places if crosses]
         return np.array(crossed, np.float64).reshape(-1, 2).T
 
+    @property
+    def trim_rad(self) -> float:
+        """Learnt angle at which the wheels stand while the servo stands in the middle, toward the followed wall."""
+        return self._track.trim_rad if self._settings.trim_integral else 0.0
+
     def tune(self, settings: BallSettings) -> None:
         """Change the settings and keep the learnt state, which is mirrored on a change of side."""
         self._lost.tune(
@@ -135,8 +140,7 @@ class BallFollower:
         nearest_error_m = ball.nearest_m + ball.bias_m - ball.rough_m - desired_m
         room_m = min(desired_m, ball.opposite_m)
         aim = Aim(nearest_error_m, line_rad, line_error_m, self._bend_per_m, speed_mps)
-        trim_rad = self._track.trim_rad if settings.trim_integral else 0.0
-        steered = Steered(settings.kp, settings.kd, car.wheelbase_m, trim_rad, car.max_steering_rad)
+        steered = Steered(settings.kp, settings.kd, car.wheelbase_m, self.trim_rad, car.max_steering_rad)
         mu = mu_with_room(settings.assumed_mu, room_m) if settings.speed_profile else math.inf
         error_m, self._straight, steering_rad, wanted_mps = drive_along_ball(
             ball.path, aim, steered, settings.speed_mps, mu
@@ -152,9 +156,8 @@ class BallFollower:
     def _shift(self, scan: Scan, motor: MotorState | None) -> Shift:
         """Return the motion until the answer takes effect: the latency, and the age of a scan that came late."""
         late_s = min(max(scan.received_s - scan.stamp_s, 0.0), MAX_STEP_S)
-        trim_rad = self._track.trim_rad if self._settings.trim_integral else 0.0
         ahead_s = self._settings.latency_s + late_s
-        shift = self._predictor.shift(scan.stamp_s, motor, ahead_s, self._sign * trim_rad)
+        shift = self._predictor.shift(scan.stamp_s, motor, ahead_s, self._sign * self.trim_rad)
         return shift if self._sign > 0 else shift.mirrored()
 
     def _without_wall(self, moved_m: float) -> Guidance:

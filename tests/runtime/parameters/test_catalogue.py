@@ -17,6 +17,7 @@ ALL_METHODS = [
     Settings(),
     Settings.model_validate({"wall_follow": {"method": "report"}, "safety": {"method": "report"}}),
     Settings.model_validate({"wall_follow": {"method": "line"}}),
+    Settings.model_validate({"wall_follow": {"method": "corridor"}}),
 ]
 
 
@@ -50,7 +51,14 @@ def test_everything_about_every_setting_is_json(settings):
         ("wall_follow.kp", ValueKind.NUMBER, 13.5, "a number from 0 to 20 rad/m", "rad/m", Effect.NOW),
         ("wall_follow.kd", ValueKind.NUMBER, 4.5, "a number from 0 to 20", "1", Effect.NOW),
         ("wall_follow.side", ValueKind.CHOICE, "left", "'left' or 'right'", "", Effect.NOW),
-        ("wall_follow.method", ValueKind.CHOICE, "ball", "'ball' or 'report' or 'line'", "", Effect.STANDING),
+        (
+            "wall_follow.method",
+            ValueKind.CHOICE,
+            "ball",
+            "'ball' or 'report' or 'line' or 'corridor'",
+            "",
+            Effect.STANDING,
+        ),
         ("wall_follow.expires_after_s", ValueKind.NUMBER, 0.15, "a number above 0 and at most 0.2 s", "s", Effect.NOW),
         ("safety.recovery.tries", ValueKind.INTEGER, 6, "a whole number from 0 to 10", "", Effect.NOW),
         ("safety.backs_out", ValueKind.BOOLEAN, True, "true or false", "", Effect.NOW),

@@ -76,6 +76,16 @@ def test_people_settings_and_cables_are_replayed_too(eventful):
     assert verdict.decisions > 240
 
 
+def test_a_way_between_the_borders_that_is_kept_over_stops_and_lost_devices_is_replayed(tmp_path):
+    path = tmp_path / "corridor.mcap"
+    record(path, seconds=6.0, events=EVENTFUL, sections={"wall_follow": {"method": "corridor", "speed_mps": 1.5}})
+    log = read_log(path)
+    assert "between the borders" in {fields["reason"] for _, fields in log.json("decision")}
+    verdict = reenact(log)
+    assert verdict.first is None
+    assert verdict.exact
+
+
 def test_the_ramp_after_a_brake_of_the_motors_own_is_replayed(tmp_path):
     path = tmp_path / "braked.mcap"
     events = ((2.0, lambda car: car.motor.latch_fault("a test")), (2.04, lambda car: car.motor.clear_fault()))
