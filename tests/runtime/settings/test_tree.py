@@ -147,7 +147,8 @@ def test_a_law_of_the_users_takes_the_place_of_the_files_on_the_command_line(tmp
 def test_gains_left_in_the_file_of_an_own_law_are_told_with_the_remedy(tmp_path, law_file):
     file = tmp_path / "car.toml"
     file.write_text(GAINS.replace("ball", law_file(STRAIGHT)))
-    with pytest.raises(SettingsError, match=r"wall_follow\.kp is a setting of ball and report and line; delete it"):
+    remedy = r"wall_follow\.kp is a setting of ball and report and line and corridor; delete it"
+    with pytest.raises(SettingsError, match=remedy):
         load_settings(file)
 
 
