@@ -1,4 +1,4 @@
-"""When a lap has met its beginning: a hint to whoever drives it, of recorded drives and of made ones."""
+"""When a lap has met its beginning: the hint for the driver, on recorded drives and on made ones."""
 
 import math
 

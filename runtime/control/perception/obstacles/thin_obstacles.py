@@ -76,6 +76,8 @@ class ThinObstacles:
         Nearer than FROM_M nothing is confirmed, because dirt reads as that; but where beams are wide apart, fewer than
         three hit a pole there, or two and an outlier. Any return from the place of a confirmed one is its return.
         """
+        if not self._held_m.size and not confirmed_m.size:
+            return NOWHERE  # as in most scans
         turned, at_m = cmath.rect(1.0, pose.yaw_rad), complex(pose.x_m, pose.y_m)
         held_m = (self._held_m - at_m) / turned
         near_m = places_m(view.x_m, view.y_m, (view.ranges_m < HELD_WITHIN_M + SAME_RANGE_M).nonzero()[0])
