@@ -35,7 +35,7 @@ from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
 from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.worlds import load_world
 
-LIDARS: Final = (HOKUYO, "a1", "a2", "c1", "s2", "x2", "x4", "g4")
+LIDARS: Final = (HOKUYO, "a1", "a2", "a3", "c1", "s1", "s2", "s3", "x2", "x4", "x4-pro", "g4", "g6", "tg")
 SPEED_MPS: Final = 1.0
 BEAMS: Final = LidarSettings(noise_std_m=0.01, outlier_share=0.005)
 LOOP_S, SETTLED_S = 30.0, 5.0

@@ -7,7 +7,9 @@ from wallride.parser import add_config, add_json, add_set, at_least, writable_pa
 
 MAX_CARS = 32
 PICTURES = (".png", ".pdf", ".svg")
-LIDARS = ("hokuyo", "rplidar", "ydlidar", "a1", "a2", "c1", "s2", "x4", "x2", "g4")
+LIDARS = (
+    "hokuyo", "rplidar", "ydlidar", "a1", "a2", "a3", "c1", "s1", "s2", "s3", "x2", "x4", "x4-pro", "g4", "g6", "tg",
+)  # fmt: skip
 
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

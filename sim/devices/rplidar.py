@@ -3,6 +3,7 @@
 What both share is only the golden bytes that their tests check them against.
 """
 
+import math
 import struct
 from dataclasses import dataclass
 from functools import reduce
@@ -12,14 +13,18 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from wallride.sim.devices.ultra_capsules import ultra_dense_cabin, ultra_words
+
 Millimetres = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
 
-PLAIN, EXPRESS, DENSE = 0x81, 0x82, 0x85
-_LENGTHS: Final = {PLAIN: 5, EXPRESS: 84, DENSE: 84}
-_SAMPLES: Final = {PLAIN: 1, EXPRESS: 32, DENSE: 40}
+PLAIN, EXPRESS, ULTRA, DENSE, ULTRA_DENSE = 0x81, 0x82, 0x84, 0x85, 0x86
+_LENGTHS: Final = {PLAIN: 5, EXPRESS: 84, ULTRA: 132, DENSE: 84, ULTRA_DENSE: 170}
+_SAMPLES: Final = {PLAIN: 1, EXPRESS: 32, ULTRA: 96, DENSE: 40, ULTRA_DENSE: 64}
 _SERIAL: Final = bytes(range(16))
 _GOOD, _PROTECTED = 0, 2
+_LASER_M, _LASER_RAD = 0.02401, math.radians(8.0)
+"""An ultra capsule's laser begins so far beside the receiver, and is turned toward its axis by so much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +55,11 @@ A1: Final = RplidarModel("A1", 0x18, (1, 29), 7, EXPRESS, 127.0, 12.0, 8.0, 1152
 A1_OLD: Final = RplidarModel("A1 old", 0x18, (1, 20), 0, EXPRESS, 254.0, 12.0, 5.5, 115200, "line", configurable=False)
 A1_OLDEST: Final = RplidarModel("A1 1.5", 0x18, (1, 5), 0, PLAIN, 500.0, 6.0, 5.5, 115200, "line", configurable=False)
 A2: Final = RplidarModel("A2", 0x28, (1, 29), 6, EXPRESS, 125.0, 12.0, 10.0, 115200, "board")
+A3: Final = RplidarModel("A3", 0x31, (1, 29), 6, ULTRA, 62.5, 25.0, 10.0, 256000, "board", 3, "Sensitivity")
 C1: Final = RplidarModel("C1", 0x41, (1, 1), 18, DENSE, 200.0, 12.0, 10.0, 460800, "built in", 0, "Standard")
+S1: Final = RplidarModel("S1", 0x61, (1, 2), 18, DENSE, 108.7, 40.0, 10.0, 256000, "speed", 0, "Standard")
 S2: Final = RplidarModel("S2", 0x71, (1, 2), 18, DENSE, 31.25, 30.0, 10.0, 1_000_000, "speed", 1, "DenseBoost")
-MODELS: Final = {model.name.lower(): model for model in (A1, A1_OLD, A1_OLDEST, A2, C1, S2)}
+S3: Final = RplidarModel("S3", 0x81, (1, 2), 18, ULTRA_DENSE, 31.25, 40.0, 10.0, 1_000_000, "speed", 1, "DenseBoost")
 
 
 class RplidarDevice:
@@ -62,10 +69,10 @@ class RplidarDevice:
     unanswered: codes of commands that it does not answer.
     """
 
-    laser_m = laser_rad = 0.0
-
     def __init__(self, model: RplidarModel = A1) -> None:
         self.model = model
+        # Of the others the stream's directions are those of the samples.
+        self.laser_m, self.laser_rad = (_LASER_M, _LASER_RAD) if model.stream == ULTRA else (0.0, 0.0)
         self.streaming = False
         self.fault = self.stays_broken = self.refuses = False
         self.unanswered: frozenset[int] = frozenset()
@@ -154,8 +161,9 @@ class RplidarDevice:
         """Add samples, directions of the head clockwise and distances (0: none), and return the frames they fill."""
         self._held += zip(head_deg.tolist(), mm.tolist(), strict=True)
         size, found = _SAMPLES[self._stream], []
-        while len(self._held) >= size:
-            part, self._held = self._held[:size], self._held[size:]
+        beyond = int(self._stream == ULTRA)  # its last word is told relative to the next capsule's first distance
+        while len(self._held) >= size + beyond:
+            part, self._held = self._held[: size + beyond], self._held[size:]
             found.append(self._frame(part))
             self._first = False
         return found
@@ -167,9 +175,13 @@ class RplidarDevice:
             return _node(deg, mm, starts=deg < before)
         start = round(part[0][0] * 64) % (360 * 64) | (0x8000 if self._first else 0)
         values = [mm for _, mm in part]
+        pairs = zip(values[::2], values[1::2], strict=False)
         if self._stream == EXPRESS:
-            pairs = zip(values[::2], values[1::2], strict=True)
             return _capsule(struct.pack("<H", start) + b"".join(_cabin(*pair) for pair in pairs))
+        if self._stream == ULTRA:
+            return _capsule(struct.pack("<H32I", start, *ultra_words(values)))
+        if self._stream == ULTRA_DENSE:
+            return _capsule(struct.pack("<6xH", start) + b"".join(ultra_dense_cabin(*pair) for pair in pairs))
         return _capsule(struct.pack(f"<H{len(values)}H", start, *values))
 
     _last_deg: float = 0.0

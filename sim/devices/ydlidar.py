@@ -35,8 +35,10 @@ class YdlidarModel:
 
 X4: Final = YdlidarModel("X4", 6, 1 / 5000, 7.0, 128000)
 X2: Final = YdlidarModel("X2", 0, 1 / 3000, 6.0, 115200, one_way=True)
+X4_PRO: Final = YdlidarModel("X4-Pro", 0, 1 / 5000, 7.0, 128000, one_way=True)
 G4: Final = YdlidarModel("G4", 5, 1 / 9000, 9.0, 230400)
-MODELS: Final = {model.name.lower(): model for model in (X4, X2, G4)}
+G6: Final = YdlidarModel("G6", 13, 1 / 18000, 10.0, 512000, divisor=2, triangulates=False)
+TG: Final = YdlidarModel("TG", 100, 1 / 20000, 10.0, 512000, divisor=1, triangulates=False)
 
 
 class YdlidarDevice:
@@ -90,9 +92,9 @@ class YdlidarDevice:
                 self.streaming, self.stops = False, self.stops + 1
             case 0x90:
                 return [_reply(0x04, bytes([self.model.code, 5, 1, 1]) + _DIGITS)]
-            case 0x92:
+            case 0x91 | 0x92:  # both are in manuals, and PyLidar3 asks the older one
                 return [_reply(0x06, struct.pack("<BH", 2 if self.fault else 0, 8 if self.fault else 0))]
-            case 0x80:
+            case 0x40 | 0x80:
                 self.power_on()
                 self.fault = self.fault and self.stays_broken
             case 0x60 | 0x61 if not self.refuses:
@@ -119,7 +121,8 @@ class YdlidarDevice:
     def _packet(self, part: list[tuple[float, int]], *, starts: bool = False) -> bytes:
         kind = round(self.model.turns_hz * 10) << 1 | 1 if starts else 0
         ends = [round(deg * 64) % (360 * 64) << 1 | 1 for deg in (part[0][0], part[-1][0])]
-        samples = [min(mm * self.model.divisor, 0xFFFF) for _, mm in part]
+        sizes = [mm * self.model.divisor for _, mm in part]
+        samples = [size if size <= 0xFFFF else 0 for size in sizes]
         words = [0x55AA, kind | len(part) << 8, *ends]
         return struct.pack(f"<5H{len(samples)}H", *words, reduce(xor, words + samples), *samples)
 

@@ -13,6 +13,7 @@ from typing import Final
 import tomlkit
 from rich.console import Console
 
+from wallride.drivers.ydlidar.settings import YdlidarSettings
 from wallride.runtime.host.output_files import write_file
 from wallride.runtime.own_drivers.settings import OwnMotorSettings
 from wallride.runtime.settings.devices import DEFAULT_DRIVERS
@@ -80,8 +81,8 @@ def write_settings(file: Path, addresses: DeviceAddresses, settings: Settings | 
         "lidar": {"driver": settings.lidar.driver, "address": addresses.lidar},
         "motor": {"driver": settings.motor.driver, addresses.motor_key: addresses.motor},
     }
-    if lidar_kinds.word_of(settings.lidar) == "x2":
-        changes["lidar"]["model"] = "x2"
+    if isinstance(settings.lidar, YdlidarSettings) and settings.lidar.model != "auto":
+        changes["lidar"]["model"] = settings.lidar.model
     if is_new:
         changes |= {"car": {"name": "emulated"}, "recording": {"simulated": True}}
     for section, values in changes.items():

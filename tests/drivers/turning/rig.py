@@ -90,7 +90,7 @@ def driver_for(emulator: TurningEmulator, address: str, **settings: Any) -> Turn
     clock = asyncio.get_running_loop().time
     if isinstance(emulator.device, YdlidarDevice):
         model = emulator.device.model
-        named = {"model": "x2"} if model.one_way else {}
+        named = {"model": model.name.lower()} if model.one_way else {}
         return Ydlidar(YdlidarSettings(address=address, **named, **settings), clock=clock, motion=motion)
     assert isinstance(emulator.device, RplidarDevice)
     return Rplidar(RplidarSettings(address=address, **settings), clock=clock, motion=motion)

@@ -19,11 +19,17 @@ SENSORS: dict[str, Callable[[], RplidarDevice | YdlidarDevice]] = {
     "a1 old": lambda: RplidarDevice(rplidar.A1_OLD),
     "a1 oldest": lambda: RplidarDevice(rplidar.A1_OLDEST),
     "a2": lambda: RplidarDevice(rplidar.A2),
+    "a3": lambda: RplidarDevice(rplidar.A3),
     "c1": lambda: RplidarDevice(rplidar.C1),
+    "s1": lambda: RplidarDevice(rplidar.S1),
     "s2": lambda: RplidarDevice(rplidar.S2),
+    "s3": lambda: RplidarDevice(rplidar.S3),
     "x4": lambda: YdlidarDevice(ydlidar.X4),
     "x2": lambda: YdlidarDevice(ydlidar.X2),
+    "x4-pro": lambda: YdlidarDevice(ydlidar.X4_PRO),
     "g4": lambda: YdlidarDevice(ydlidar.G4),
+    "g6": lambda: YdlidarDevice(ydlidar.G6),
+    "tg": lambda: YdlidarDevice(ydlidar.TG),
 }
 TWO = ["a1", "x4"]
 

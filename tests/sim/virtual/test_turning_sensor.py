@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from wallride.drivers.ydlidar.settings import YdlidarSettings
 from wallride.sim.devices import lidar_kinds
 from wallride.sim.lab.laws import build
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
@@ -16,7 +17,8 @@ from wallride.sim.world.segments import SegmentGeometry
 from wallride.sim.world.worlds import load_world
 from wallride.sim_options import LIDARS
 
-SLOW = ("a1", "a2", "c1", "s2", "x4", "x2", "g4")
+SLOW = ("a1", "a2", "a3", "c1", "s2", "s3", "x4", "x2", "g4", "g6")
+"""One of each stream and rate; `benchmarks/lidars.py` drives all."""
 
 
 def drive_with(word: str, world: str, speed_mps: float, **conditions: Any) -> SimulatedRun:
@@ -32,6 +34,12 @@ def mean_error_m(run: SimulatedRun) -> float:
 def test_every_word_of_the_command_line_is_a_lidar():
     for word in LIDARS:
         assert (lidar_kinds.emulated(word) is None) == (word == "hokuyo")
+
+
+def test_a_model_that_the_settings_name_is_the_one_that_is_emulated():
+    named = {"x2": "x2", "x4": "x4", "g4": "g4", "g6": "g6", "auto": "ydlidar"}
+    for model, word in named.items():
+        assert lidar_kinds.word_of(YdlidarSettings.model_validate({"model": model})) == word
 
 
 @pytest.mark.parametrize("word", SLOW)
