@@ -39,8 +39,10 @@ FORGOTTEN_S = 0.1
 """Maximum gap between scans of 40 Hz; after a longer one, returns cannot be associated with the same object."""
 FINE_RAD = math.radians(0.3)
 """Angle between beams up to which three beams hit a pole of 2 cm nearer than FROM_M."""
+BLIND_M = 0.1
+"""Nearest distance of a sensor up to which beams FINE_RAD apart hit a pole before the car's bumper in every scan."""
 HELD_WITHIN_M = 1.5
-"""Range within which a confirmed thin obstacle is held on to where the beams are wider apart than FINE_RAD."""
+"""Range within which a confirmed thin obstacle is held on to by beams wider apart or blind nearer than that."""
 HELD_WITHOUT = 1
 """Number of scans in a row without a return from it after which it is no longer held."""
 
@@ -66,7 +68,7 @@ class ThinObstacles:
         there_m = None
         if len(before) == SCANS - 1 and seen.size:
             there_m = find_returning(seen, before, pose.x_m, pose.y_m, pose.yaw_rad)
-        if abs(view.scan.angle_step_rad) > FINE_RAD:
+        if abs(view.scan.angle_step_rad) > FINE_RAD or view.scan.range_min_m > BLIND_M:
             return self._hold(view, pose, NOWHERE if there_m is None else there_m)
         return NOWHERE if there_m is None else there_m
 

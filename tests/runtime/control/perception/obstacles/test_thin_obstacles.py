@@ -18,15 +18,18 @@ STEP_RAD = math.radians(0.25)
 SCAN_S = 0.025
 
 
-def see(x_m=math.nan, y_m=0.0, wild=()):
-    """View of a hall of 9 m in which one beam meets something at (x, y) in base_link; wild: (beam, range) more."""
+def see(x_m=math.nan, y_m=0.0, wild=(), from_m=0.02):
+    """View of a hall of 9 m in which one beam meets something at (x, y) in base_link; wild: (beam, range) more.
+
+    from_m: the nearest distance that the lidar measures.
+    """
     ranges_m = np.full(1081, 9.0, np.float32)
     if not math.isnan(x_m):
         dx = x_m - CAR.lidar_x_m
         ranges_m[540 + round(math.atan2(y_m, dx) / STEP_RAD)] = math.hypot(dx, y_m)
     for beam, range_m in wild:
         ranges_m[beam] = range_m
-    return ViewCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
+    return ViewCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, from_m, 30.0, ranges_m, 0))
 
 
 def watch(places, pose=lambda _: OdometryState()):
@@ -198,6 +201,18 @@ def test_with_few_beams_a_confirmed_pole_is_held_until_the_car_is_at_it():
     for way_m, points in zip(ways_m[SCANS - 1 :], found[SCANS - 1 :], strict=True):
         assert points.size >= ENOUGH_POINTS
         assert points.real == pytest.approx(2.0 - way_m, abs=0.05)
+
+
+def test_a_lidar_that_is_blind_before_the_bumper_holds_it_too_however_fine_its_beams():
+    """An A3 at 0.15 m: half of the distances of a pole are none, the rest is as thin as dirt."""
+    found = {}
+    for from_m in (0.06, 0.15):
+        faint = ThinObstacles()
+        for number in range(16):
+            way_m = 0.1 * number
+            points = faint.update(see(2.0 - way_m, 0.05, from_m=from_m), OdometryState(way_m), number * SCAN_S)
+        found[from_m] = points.size >= ENOUGH_POINTS
+    assert found == {0.06: False, 0.15: True}
 
 
 def test_a_held_pole_may_be_missed_once_and_is_forgotten_after_the_second_time():
