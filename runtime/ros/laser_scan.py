@@ -15,9 +15,12 @@ from wallride.runtime.wire.teleop import Malformed
 
 NS: Final = 1_000_000_000
 MAX_FRAME_B: Final = 256
-_HEADER = struct.Struct("<iII")
+_HEADER = struct.Struct("<4xiII")
+"""After the encapsulation: the stamp, and the length of the frame's name."""
 _GEOMETRY = struct.Struct("<fffffffI")
 _COUNT = struct.Struct("<I")
+_FLOAT: Final = np.dtype("<f4")
+_NOTHING: Final = np.float32(np.nan)
 
 
 @value(eq=False)
@@ -44,42 +47,43 @@ def read_laser_scan(payload: bytes) -> LaserScan:
         raise Malformed(f"{len(payload)} bytes are too many")
     if not payload.startswith(ENCAPSULATION):
         raise Malformed("not CDR, little endian")
-    body = memoryview(payload)[len(ENCAPSULATION) :]
-    if len(body) < _HEADER.size:
+    if len(payload) < _HEADER.size:
         raise Malformed(f"{len(payload)} bytes are too few")
-    seconds, nanoseconds, name_bytes = _HEADER.unpack_from(body)
+    seconds, nanoseconds, name_bytes = _HEADER.unpack_from(payload)
     at = _HEADER.size + name_bytes
     at += -at % 4
-    if name_bytes > MAX_FRAME_B or at + _GEOMETRY.size > len(body):
+    if name_bytes > MAX_FRAME_B or at + _GEOMETRY.size > len(payload):
         raise Malformed(f"{len(payload)} bytes do not fit its parts")
-    first_rad, last_rad, step_rad, ray_s, _, near_m, far_m, beams = _GEOMETRY.unpack_from(body, at)
-    ranges_m = _ranges(body[at + _GEOMETRY.size :], beams)
+    first_rad, last_rad, step_rad, ray_s, _, near_m, far_m, beams = _GEOMETRY.unpack_from(payload, at)
+    ranges_m = _ranges(payload, at + _GEOMETRY.size, beams)
     _check_geometry(first_rad, last_rad, step_rad, beams)
     if not (math.isfinite(ray_s) and 0 <= near_m < far_m < math.inf):
         raise Malformed(f"ranges from {near_m:g} to {far_m:g} m and {ray_s:g} s a beam are none of a lidar")
     if not (seconds or nanoseconds):
         raise Malformed("the header has no stamp")
-    with np.errstate(invalid="ignore"):
-        ranges_m = np.where((ranges_m >= near_m) & (ranges_m <= far_m) & (ranges_m > 0), ranges_m, np.float32(np.nan))
+    usable = ranges_m >= near_m if near_m else ranges_m > 0.0
+    usable &= ranges_m <= far_m
+    ranges_m = np.where(usable, ranges_m, _NOTHING)
     last_ns = seconds * NS + nanoseconds + round((beams - 1) * max(ray_s, 0.0) * NS)
     if step_rad < 0:
-        first_rad, step_rad, ray_s, ranges_m = first_rad + (beams - 1) * step_rad, -step_rad, -ray_s, ranges_m[::-1]
-    ranges_m = np.ascontiguousarray(ranges_m)
+        first_rad, step_rad, ray_s, ranges_m = (
+            first_rad + (beams - 1) * step_rad, -step_rad, -ray_s, np.ascontiguousarray(ranges_m[::-1])
+        )  # fmt: skip
     ranges_m.flags.writeable = False
     return LaserScan(last_ns, first_rad, step_rad, near_m, far_m, ray_s, ranges_m)
 
 
-def _ranges(rest: memoryview, beams: int) -> npt.NDArray[np.float32]:
-    """Return the ranges as they are, after a check that they and the intensities fill the rest of the message."""
+def _ranges(payload: bytes, begin: int, beams: int) -> npt.NDArray[np.float32]:
+    """Return the ranges as they are, after a check that they and the intensities fill the message from `begin`."""
     if not 2 <= beams <= MAX_BEAMS:
         raise Malformed(f"a scan of {beams} beams")
-    at = 4 * beams
-    if at + _COUNT.size > len(rest):
+    end = begin + 4 * beams
+    if end + _COUNT.size > len(payload):
         raise Malformed(f"{beams} beams do not fit into the message")
-    (intensities,) = _COUNT.unpack_from(rest, at)
-    if intensities not in {0, beams} or at + _COUNT.size + 4 * intensities != len(rest):
+    (intensities,) = _COUNT.unpack_from(payload, end)
+    if intensities not in {0, beams} or end + _COUNT.size + 4 * intensities != len(payload):
         raise Malformed(f"{beams} beams and {intensities} intensities do not fit the message")
-    return np.frombuffer(rest, "<f4", beams).astype(np.float32, copy=False)
+    return np.frombuffer(payload, _FLOAT, beams, begin).astype(np.float32, copy=False)
 
 
 def _check_geometry(first_rad: float, last_rad: float, step_rad: float, beams: int) -> None:
