@@ -29,6 +29,7 @@ _SLOW_S: Final = 1.1 / MIN_RATE_HZ
 """Period of a lidar that is too slow, with 10 % for the speed of its head."""
 _SLOW_SCANS: Final = 5
 """Long periods in a row that make a lidar too slow; fewer are scans that were lost."""
+_NUMBER: Final = int | float
 NUMBERS: Final = ("stamp_s", "received_s", "angle_min_rad", "angle_step_rad", "range_min_m", "range_max_m", "ray_s")
 
 
@@ -67,14 +68,15 @@ class ScanCheck:
         self._before: Scan | None = None
         self._slow = 0
 
-    def fault(self, scan: object, now_s: float) -> str:
+    def fault(self, scan: object, now_s: float, *, within: bool = False) -> str:
         """Return what is wrong with a scan, as words after the driver's name; "" where it may be used.
 
-        A scan that is merely old is in order: it says so itself.
+        A scan that is merely old is in order: it says so itself. within: whoever read it has already made NaN of every
+        range outside of its limits.
         """
         if not isinstance(scan, Scan):
             return f"delivered a {type(scan).__name__} where a Scan is needed"
-        fault = _form(scan) or _time(scan, now_s) or _field(scan) or _ranges(scan)
+        fault = _form(scan) or _time(scan, now_s) or _field(scan) or (_ranges(scan) if not within else "")
         if not fault and self._before is not None:
             fault = _order(scan, self._before) or self._pace(scan.stamp_s - self._before.stamp_s)
         self._before = scan
@@ -95,7 +97,7 @@ def _form(scan: Scan) -> str:
         return f"delivered a scan of {ranges_m.size} beams"
     for name in NUMBERS:
         number: Any = getattr(scan, name)
-        if not isinstance(number, int | float) or not math.isfinite(number):
+        if not isinstance(number, _NUMBER) or not math.isfinite(number):
             return f"delivered {name} that is no finite number"
     sequence: Any = scan.sequence
     return "" if isinstance(sequence, int) else "delivered a sequence that is no whole number"

@@ -107,7 +107,7 @@ class TopicLidar:
         if self._waits(self._series.judge(sequence, stamps, publisher, arrival_s), age_s, arrival_s):
             return
         scan = self._scan(message, arrival_s, age_s)
-        if fault := self._check.fault(scan, arrival_s):
+        if fault := self._check.fault(scan, arrival_s, within=True):
             self._check = ScanCheck()
             self._refuse(fault, arrival_s)
         elif arrival_s - self._fault_s >= CLEAN_S:
