@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from wallride.drivers.accelerated import accelerated
 from wallride.drivers.scan_check import MAX_BEAMS
 from wallride.drivers.value import value
 from wallride.runtime.ros.cdr import ENCAPSULATION
@@ -55,26 +56,22 @@ def read_laser_scan(payload: bytes) -> LaserScan:
     if name_bytes > MAX_FRAME_B or at + _GEOMETRY.size > len(payload):
         raise Malformed(f"{len(payload)} bytes do not fit its parts")
     first_rad, last_rad, step_rad, ray_s, _, near_m, far_m, beams = _GEOMETRY.unpack_from(payload, at)
-    ranges_m = _ranges(payload, at + _GEOMETRY.size, beams)
+    at += _GEOMETRY.size
+    _check_length(payload, at, beams)
     _check_geometry(first_rad, last_rad, step_rad, beams)
     if not (math.isfinite(ray_s) and 0 <= near_m < far_m < math.inf):
         raise Malformed(f"ranges from {near_m:g} to {far_m:g} m and {ray_s:g} s a beam are none of a lidar")
     if not (seconds or nanoseconds):
         raise Malformed("the header has no stamp")
-    usable = ranges_m >= near_m if near_m else ranges_m > 0.0
-    usable &= ranges_m <= far_m
-    ranges_m = np.where(usable, ranges_m, _NOTHING)
+    ranges_m = usable_ranges(payload, at, beams, near_m, far_m, int(step_rad < 0))
     last_ns = seconds * NS + nanoseconds + round((beams - 1) * max(ray_s, 0.0) * NS)
     if step_rad < 0:
-        first_rad, step_rad, ray_s, ranges_m = (
-            first_rad + (beams - 1) * step_rad, -step_rad, -ray_s, np.ascontiguousarray(ranges_m[::-1])
-        )  # fmt: skip
-    ranges_m.flags.writeable = False
+        first_rad, step_rad, ray_s = first_rad + (beams - 1) * step_rad, -step_rad, -ray_s
     return LaserScan(last_ns, first_rad, step_rad, near_m, far_m, ray_s, ranges_m)
 
 
-def _ranges(payload: bytes, begin: int, beams: int) -> npt.NDArray[np.float32]:
-    """Return the ranges as they are, after a check that they and the intensities fill the message from `begin`."""
+def _check_length(payload: bytes, begin: int, beams: int) -> None:
+    """Refuse a message that ranges from the byte `begin` on, and the intensities, do not fill."""
     if not 2 <= beams <= MAX_BEAMS:
         raise Malformed(f"a scan of {beams} beams")
     end = begin + 4 * beams
@@ -83,7 +80,22 @@ def _ranges(payload: bytes, begin: int, beams: int) -> npt.NDArray[np.float32]:
     (intensities,) = _COUNT.unpack_from(payload, end)
     if intensities not in {0, beams} or end + _COUNT.size + 4 * intensities != len(payload):
         raise Malformed(f"{beams} beams and {intensities} intensities do not fit the message")
-    return np.frombuffer(payload, _FLOAT, beams, begin).astype(np.float32, copy=False)
+
+
+@accelerated
+def usable_ranges(
+    payload: bytes, begin: int, beams: int, near_m: float, far_m: float, reverse: int
+) -> npt.NDArray[np.float32]:
+    """Return the ranges from the byte `begin` on, (beams,), read-only, NaN outside of the limits; 1: in reverse order.
+
+    The limits are numbers of 32 bits, as the message has them. ValueError where it has not so many.
+    """
+    sent_m = np.frombuffer(payload, _FLOAT, beams, begin)
+    usable = (sent_m >= near_m) & (sent_m <= far_m) & (sent_m > 0.0)
+    ranges_m = np.where(usable, sent_m, _NOTHING)
+    ranges_m = np.ascontiguousarray(ranges_m[::-1] if reverse else ranges_m)
+    ranges_m.setflags(write=False)
+    return ranges_m
 
 
 def _check_geometry(first_rad: float, last_rad: float, step_rad: float, beams: int) -> None:
