@@ -29,7 +29,6 @@ _SLOW_S: Final = 1.1 / MIN_RATE_HZ
 """Period of a lidar that is too slow, with 10 % for the speed of its head."""
 _SLOW_SCANS: Final = 5
 """Long periods in a row that make a lidar too slow; fewer are scans that were lost."""
-_NUMBER: Final = int | float
 NUMBERS: Final = ("stamp_s", "received_s", "angle_min_rad", "angle_step_rad", "range_min_m", "range_max_m", "ray_s")
 
 
@@ -97,7 +96,7 @@ def _form(scan: Scan) -> str:
         return f"delivered a scan of {ranges_m.size} beams"
     for name in NUMBERS:
         number: Any = getattr(scan, name)
-        if not isinstance(number, _NUMBER) or not math.isfinite(number):
+        if not isinstance(number, int | float) or not math.isfinite(number):
             return f"delivered {name} that is no finite number"
     sequence: Any = scan.sequence
     return "" if isinstance(sequence, int) else "delivered a sequence that is no whole number"

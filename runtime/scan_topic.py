@@ -39,7 +39,7 @@ _WORDS: Final = {
 class TopicLidar:
     """A `Lidar` (see wallride.drivers.api) fed by `receive`. Counted in `health`: stale, refused.
 
-    unix_ns: the computer's clock, nanoseconds since 1970.
+    unix_ns: the computer's clock, nanoseconds since 1970. on_scan: gets the scans where `run` is not called.
     """
 
     def __init__(
@@ -48,10 +48,11 @@ class TopicLidar:
         *,
         clock: Clock = time.monotonic,
         unix_ns: Callable[[], int] = time.time_ns,
+        on_scan: Callable[[Scan], None] | None = None,
     ) -> None:
         self._settings, self._unix_ns, self._clock = settings, unix_ns, clock
         self._series, self._check = DriveSeries(settings.stale_after_s), ScanCheck()
-        self._on_scan: Callable[[Scan], None] | None = None
+        self._on_scan = on_scan
         self._health = Health(message=f"no scan on {settings.topic} yet")
         self._fault, self._fault_s = "", -math.inf
         self._scan_s, self._late_s = -math.inf, 0.0
@@ -116,8 +117,9 @@ class TopicLidar:
     def rehearse(self) -> None:
         """Read the newest message once more, by checks of its own and for no one, so that the next finds warm code."""
         if self._understudy is None:
-            self._understudy = TopicLidar(self._settings, clock=self._clock, unix_ns=self._unix_ns)
-            self._understudy._on_scan = _forget
+            self._understudy = TopicLidar(
+                self._settings, clock=self._clock, unix_ns=self._unix_ns, on_scan=lambda _: None
+            )
         if self._newest is not None:
             self._understudy.receive(*self._newest, self._clock())
 
@@ -161,7 +163,3 @@ class TopicLidar:
         if self._late_s:
             return f"no usable scan for {since_s:.1f} s; the last came {self._late_s:.2f} s late"
         return f"no scan for {since_s:.1f} s"
-
-
-def _forget(_scan: Scan) -> None:
-    """Do nothing with a scan of a rehearsal."""

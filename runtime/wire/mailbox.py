@@ -5,6 +5,7 @@ import contextlib
 import os
 from collections import deque
 from collections.abc import Callable
+from io import FileIO
 from typing import Any
 
 BACKLOG = 256
@@ -32,7 +33,10 @@ class Mailbox:
         self._waiting.append(arguments)
         if not self._woken:
             self._woken = True
-            call_in_loop(self._loop, self._drain)
+            self._wake()
+
+    def _wake(self) -> None:
+        call_in_loop(self._loop, self._drain)
 
     def _drain(self) -> None:
         try:
@@ -45,39 +49,33 @@ class Mailbox:
                 self._loop.call_soon(self._drain)
 
 
-class PromptMailbox:
-    """A `Mailbox` whose wake-up is one byte in a pipe, half the time of `call_soon_threadsafe` in cold code.
+class PromptMailbox(Mailbox):
+    """A mailbox that wakes the loop by a byte in a pipe, in half the time of `call_soon_threadsafe` in cold code.
 
-    The loop takes as many messages as bytes, at most MAX_DELIVERIES in a turn. To be made in the loop.
+    To be made and closed in the loop; what is posted after `close` is dropped.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, deliver: Callable[..., None]) -> None:
-        self._loop, self._deliver = loop, deliver
-        self._waiting: deque[tuple[Any, ...]] = deque(maxlen=BACKLOG)
+        super().__init__(loop, deliver)
         out, into = os.pipe()
-        os.set_blocking(out, False)  # noqa: FBT003
-        os.set_blocking(into, False)  # noqa: FBT003 - a full pipe wakes the loop as well
-        self._out, self._into = open(out, "rb", buffering=0), open(into, "wb", buffering=0)  # noqa: SIM115 - until `close`
-        loop.add_reader(out, self._take)
-
-    def post(self, arguments: tuple[Any, ...]) -> None:
-        """Hand over; called in a foreign thread."""
-        self._waiting.append(arguments)
-        try:  # noqa: SIM105 - `suppress` takes as long as the rest
-            self._into.write(b"\0")
-        except ValueError:  # it was closed: the session ends
-            pass
+        self._out, self._into = FileIO(out, "r"), FileIO(into, "w")
+        loop.add_reader(self._out, self._awake)
 
     def close(self) -> None:
-        """End it, in the loop; what is posted from here on is dropped."""
+        """End it; as files, its descriptors are not written to once their numbers are those of others."""
         self._loop.remove_reader(self._out)
-        self._out.close()
         self._into.close()
+        self._out.close()
 
-    def _take(self) -> None:
-        for _ in self._out.read(MAX_DELIVERIES) or b"":
-            if self._waiting:  # else the oldest were dropped
-                self._deliver(*self._waiting.popleft())
+    def _wake(self) -> None:
+        try:  # noqa: SIM105 - `suppress` takes as long as the rest
+            self._into.write(b"\0")
+        except ValueError:  # closed
+            pass
+
+    def _awake(self) -> None:
+        self._out.read(1)
+        self._drain()
 
 
 def call_in_loop(loop: asyncio.AbstractEventLoop, call: Callable[[], object]) -> None:

@@ -52,9 +52,7 @@ METRES = st.one_of(
 @pytest.mark.parametrize("near_m", [0.0, 0.0625, 0.125])
 def test_any_ranges_of_a_message_are_read_alike(compiled, near_m, sent, begin, reverse):
     payload = bytes(begin) + np.array(sent, "<f4").tobytes()
-    answers = [
-        of["usable_ranges"](payload, begin, len(sent), near_m, 12.0, int(reverse)) for of in (PYTHON, compiled)
-    ]
+    answers = [of["usable_ranges"](payload, begin, len(sent), near_m, 12.0, int(reverse)) for of in (PYTHON, compiled)]
     assert_same("usable_ranges", *answers)
     assert not answers[1].flags.writeable
 
