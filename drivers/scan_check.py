@@ -67,14 +67,15 @@ class ScanCheck:
         self._before: Scan | None = None
         self._slow = 0
 
-    def fault(self, scan: object, now_s: float) -> str:
+    def fault(self, scan: object, now_s: float, *, within: bool = False) -> str:
         """Return what is wrong with a scan, as words after the driver's name; "" where it may be used.
 
-        A scan that is merely old is in order: it says so itself.
+        A scan that is merely old is in order: it says so itself. within: whoever read it has already made NaN of every
+        range outside of its limits.
         """
         if not isinstance(scan, Scan):
             return f"delivered a {type(scan).__name__} where a Scan is needed"
-        fault = _form(scan) or _time(scan, now_s) or _field(scan) or _ranges(scan)
+        fault = _form(scan) or _time(scan, now_s) or _field(scan) or (_ranges(scan) if not within else "")
         if not fault and self._before is not None:
             fault = _order(scan, self._before) or self._pace(scan.stamp_s - self._before.stamp_s)
         self._before = scan

@@ -291,6 +291,8 @@ def _car(
     bus = _bus(sessions.own, uplinks, any_port=settings.telemetry.any_port)
     motor, lidar = devices = _devices(settings, clock, scan_phase)
     fitted(motor)
+    if isinstance(lidar, TopicLidar):
+        rehearsal.read = lidar.rehearse
     around = CarSurroundings(
         files.saved, files.base, lambda: lidar.reading_s, scan_phase, WallClock(clock), ComputerWatch(read_computer),
         joystick, rehearsal if settings.process.rehearse else None, _course(settings),

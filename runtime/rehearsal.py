@@ -8,6 +8,7 @@ runs only while the car drives freely, and not on a computer that is too slow fo
 
 import asyncio
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
@@ -30,13 +31,17 @@ _PERIOD_S: Final = 0.025
 
 
 class Rehearsal:
-    """Laws, queue and limiter beside those of the car. took_s: duration of a rehearsal, slower ones count at once."""
+    """Laws, queue and limiter beside those of the car. took_s: duration of a rehearsal, slower ones count at once.
+
+    read: reads the newest scan once more, where its driver's way from bytes to a scan is long.
+    """
 
     def __init__(self, settings: Settings, clock: Clock) -> None:
         self._clock = clock
         self._stack = LiveStack(_built_in(settings), DecisionLog(clock, 0))
         self._stack.queue.put(consent(Source.PERMIT, "rehearsal"))
         self.took_s = 0.0
+        self.read: Callable[[], None] = lambda: None
         self._planned: asyncio.TimerHandle | None = None
 
     def apply(self, settings: Settings) -> None:
@@ -71,6 +76,7 @@ class Rehearsal:
 
     def _rehearse(self, scan: Scan, motor: MotorState | None) -> None:
         before_s, self.took_s, began_s = self.took_s, math.inf, self._clock()  # one that fails is the last
+        self.read()
         self._answer(replace(scan, stamp_s=began_s, received_s=began_s), motor)
         took_s = self._clock() - began_s
         self.took_s = max(took_s, before_s + _FASTER_GAIN * (took_s - before_s))

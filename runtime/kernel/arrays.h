@@ -79,6 +79,7 @@ static inline double bounded(double value, double from, double to) { return less
 KERNEL(decode_samples);
 KERNEL(join_rows);
 KERNEL(split_scan);
+KERNEL(usable_ranges);
 KERNEL(view_scan);
 KERNEL(find_small_clusters);
 KERNEL(find_thin_places);

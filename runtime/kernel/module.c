@@ -96,7 +96,7 @@ static PyMethodDef functions[] = {
     ENTRY(predict_motion), ENTRY(predict_wall), ENTRY(correct_wall), ENTRY(dead_reckon), ENTRY(weigh_dirt),
     ENTRY(find_dirt), ENTRY(find_near_places), ENTRY(watch_sectors), ENTRY(roll_out_all), ENTRY(places_behind),
     ENTRY(learn_noise_m), ENTRY(over), ENTRY(set_constant),
-    ENTRY(cast_cells), ENTRY(cast_walls),
+    ENTRY(usable_ranges), ENTRY(cast_cells), ENTRY(cast_walls),
     {NULL, NULL, 0, NULL},
 };
 

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from wallride.drivers.accelerated import accelerated
 from wallride.drivers.scan_check import MAX_BEAMS
 from wallride.drivers.value import value
 from wallride.runtime.ros.cdr import ENCAPSULATION
@@ -15,9 +16,12 @@ from wallride.runtime.wire.teleop import Malformed
 
 NS: Final = 1_000_000_000
 MAX_FRAME_B: Final = 256
-_HEADER = struct.Struct("<iII")
+_HEADER = struct.Struct("<4xiII")
+"""After the encapsulation: the stamp, and the length of the frame's name."""
 _GEOMETRY = struct.Struct("<fffffffI")
 _COUNT = struct.Struct("<I")
+_FLOAT: Final = np.dtype("<f4")
+_NOTHING: Final = np.float32(np.nan)
 
 
 @value(eq=False)
@@ -44,42 +48,54 @@ def read_laser_scan(payload: bytes) -> LaserScan:
         raise Malformed(f"{len(payload)} bytes are too many")
     if not payload.startswith(ENCAPSULATION):
         raise Malformed("not CDR, little endian")
-    body = memoryview(payload)[len(ENCAPSULATION) :]
-    if len(body) < _HEADER.size:
+    if len(payload) < _HEADER.size:
         raise Malformed(f"{len(payload)} bytes are too few")
-    seconds, nanoseconds, name_bytes = _HEADER.unpack_from(body)
+    seconds, nanoseconds, name_bytes = _HEADER.unpack_from(payload)
     at = _HEADER.size + name_bytes
     at += -at % 4
-    if name_bytes > MAX_FRAME_B or at + _GEOMETRY.size > len(body):
+    if name_bytes > MAX_FRAME_B or at + _GEOMETRY.size > len(payload):
         raise Malformed(f"{len(payload)} bytes do not fit its parts")
-    first_rad, last_rad, step_rad, ray_s, _, near_m, far_m, beams = _GEOMETRY.unpack_from(body, at)
-    ranges_m = _ranges(body[at + _GEOMETRY.size :], beams)
+    first_rad, last_rad, step_rad, ray_s, _, near_m, far_m, beams = _GEOMETRY.unpack_from(payload, at)
+    at += _GEOMETRY.size
+    _check_length(payload, at, beams)
     _check_geometry(first_rad, last_rad, step_rad, beams)
     if not (math.isfinite(ray_s) and 0 <= near_m < far_m < math.inf):
         raise Malformed(f"ranges from {near_m:g} to {far_m:g} m and {ray_s:g} s a beam are none of a lidar")
     if not (seconds or nanoseconds):
         raise Malformed("the header has no stamp")
-    with np.errstate(invalid="ignore"):
-        ranges_m = np.where((ranges_m >= near_m) & (ranges_m <= far_m) & (ranges_m > 0), ranges_m, np.float32(np.nan))
+    ranges_m = usable_ranges(payload, at, beams, near_m, far_m, int(step_rad < 0))
     last_ns = seconds * NS + nanoseconds + round((beams - 1) * max(ray_s, 0.0) * NS)
     if step_rad < 0:
-        first_rad, step_rad, ray_s, ranges_m = first_rad + (beams - 1) * step_rad, -step_rad, -ray_s, ranges_m[::-1]
-    ranges_m = np.ascontiguousarray(ranges_m)
-    ranges_m.flags.writeable = False
+        first_rad, step_rad, ray_s = first_rad + (beams - 1) * step_rad, -step_rad, -ray_s
     return LaserScan(last_ns, first_rad, step_rad, near_m, far_m, ray_s, ranges_m)
 
 
-def _ranges(rest: memoryview, beams: int) -> npt.NDArray[np.float32]:
-    """Return the ranges as they are, after a check that they and the intensities fill the rest of the message."""
+def _check_length(payload: bytes, begin: int, beams: int) -> None:
+    """Refuse a message that ranges from the byte `begin` on, and the intensities, do not fill."""
     if not 2 <= beams <= MAX_BEAMS:
         raise Malformed(f"a scan of {beams} beams")
-    at = 4 * beams
-    if at + _COUNT.size > len(rest):
+    end = begin + 4 * beams
+    if end + _COUNT.size > len(payload):
         raise Malformed(f"{beams} beams do not fit into the message")
-    (intensities,) = _COUNT.unpack_from(rest, at)
-    if intensities not in {0, beams} or at + _COUNT.size + 4 * intensities != len(rest):
+    (intensities,) = _COUNT.unpack_from(payload, end)
+    if intensities not in {0, beams} or end + _COUNT.size + 4 * intensities != len(payload):
         raise Malformed(f"{beams} beams and {intensities} intensities do not fit the message")
-    return np.frombuffer(rest, "<f4", beams).astype(np.float32, copy=False)
+
+
+@accelerated
+def usable_ranges(
+    payload: bytes, begin: int, beams: int, near_m: float, far_m: float, reverse: int
+) -> npt.NDArray[np.float32]:
+    """Return the ranges from the byte `begin` on, (beams,), read-only, NaN outside of the limits; 1: in reverse order.
+
+    The limits are numbers of 32 bits, as the message has them. ValueError where it has not so many.
+    """
+    sent_m = np.frombuffer(payload, _FLOAT, beams, begin)
+    usable = (sent_m >= near_m) & (sent_m <= far_m) & (sent_m > 0.0)
+    ranges_m = np.where(usable, sent_m, _NOTHING)
+    ranges_m = np.ascontiguousarray(ranges_m[::-1] if reverse else ranges_m)
+    ranges_m.setflags(write=False)
+    return ranges_m
 
 
 def _check_geometry(first_rad: float, last_rad: float, step_rad: float, beams: int) -> None:

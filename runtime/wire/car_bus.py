@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from wallride.runtime.wire.bus import Bus
-from wallride.runtime.wire.mailbox import Mailbox
+from wallride.runtime.wire.mailbox import PromptMailbox
 from wallride.runtime.wire.network import MAX_SAMPLE_BYTES, Receive, ReceiveAttached, Reply
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ class CarBus(Bus):
     def __init__(self, *arguments: Any, **options: Any) -> None:  # noqa: ANN401 - those of a Bus
         super().__init__(*arguments, **options)
         self._polls: list[Callable[[], None]] = []
+        self._mailboxes: list[PromptMailbox] = []
 
     @property
     def routers(self) -> Mapping[str, str]:
@@ -73,6 +74,8 @@ class CarBus(Bus):
         self._held.append(self._polls)  # what they hold ends with the session
         self._polls = []
         await super().close()
+        while self._mailboxes:
+            self._mailboxes.pop().close()
 
     def subscribe_attached(self, key: str, receive: ReceiveAttached, *, max_bytes: int = MAX_SAMPLE_BYTES) -> None:
         """Call `receive` in `poll` for every sample of exactly this key, with its attachment."""
@@ -91,19 +94,23 @@ class CarBus(Bus):
         self._whenever_open(lambda: self._wake_for(key, receive, max_bytes))
 
     def _wake_for(self, key: str, receive: ReceiveAttached, max_bytes: int) -> None:
-        mailbox = Mailbox(self._running_loop, receive)
-
-        def on_sample(sample: "zenoh.Sample") -> None:  # zenoh's thread
-            arrival_s = time.monotonic()
+        def take(sample: "zenoh.Sample", arrival_s: float) -> None:
             if str(sample.key_expr) != key:
                 self.strays += 1
             elif len(sample.payload) > max_bytes:
                 self.oversized += 1
             else:
                 note = sample.attachment.to_bytes() if sample.attachment is not None else None
-                mailbox.post((sample.payload.to_bytes(), note, arrival_s))
+                receive(sample.payload.to_bytes(), note, arrival_s)
 
-        self._held.append(self._open_session.declare_subscriber(key, on_sample))
+        mailbox = PromptMailbox(self._running_loop, take)
+        self._mailboxes.append(mailbox)
+
+        def on_sample(sample: "zenoh.Sample") -> None:  # zenoh's thread, which keeps the interpreter's lock for little
+            mailbox.post((sample, time.monotonic()))
+
+        with self._noting_callers():
+            self._held.append(self._open_session.declare_subscriber(key, on_sample))
 
     def _subscribe(self, key: str, receive: Receive, max_bytes: int = MAX_SAMPLE_BYTES) -> None:
         def take(sample: "zenoh.Sample") -> None:

@@ -96,6 +96,20 @@ def test_scans_that_come_at_once_are_rehearsed_once_and_a_brake_cancels_what_was
     assert run_virtual(drive()) == [3]
 
 
+def test_a_driver_reads_before_each_answer_and_not_where_there_is_none():
+    async def drive():
+        loop = asyncio.get_running_loop()
+        rehearsal, done = Rehearsal(Settings(), loop.time), []
+        rehearsal.read = lambda: done.append("read")
+        rehearsal._answer = lambda *_: done.append("answer")  # type: ignore[method-assign]
+        for output in (output_of(), output_of(0.0), output_of()):
+            rehearsal.plan(scan_at(loop.time()), None, output, loop.time() + PERIOD_S)
+            await asyncio.sleep(PERIOD_S)
+        return done
+
+    assert run_virtual(drive()) == ["read", "answer"] * 2
+
+
 def test_a_computer_that_is_too_slow_does_not_rehearse():
     assert rehearsed(output_of(), took_s=1.1 * MAX_TOOK_S)[0] == []
 

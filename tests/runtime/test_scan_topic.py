@@ -142,3 +142,29 @@ def test_another_type_on_the_topic_is_a_stop(rig):
     assert not rig.lidar.health.trouble
     rig.lidar.refuse_other_type("0/lidar/scan/a/b", "0/lidar/scan/a/c", b"", rig.now_s)
     assert stops_with(rig, "another type")
+
+
+def test_a_rehearsal_is_delivered_to_no_one_and_leaves_every_check_as_it_was(rig):
+    rig.lidar.rehearse()  # before the first message
+    for _ in range(80):
+        rig.drive(STEP_S)
+        before = len(rig.got), dict(rig.lidar.health.counts), rig.lidar.health.message
+        rig.now_s += 0.02
+        rig.lidar.rehearse()
+        rig.now_s -= 0.02
+        assert (len(rig.got), rig.lidar.health.counts, rig.lidar.health.message) == before
+    assert [scan.sequence for scan in rig.got] == list(range(rig.got[0].sequence, rig.got[0].sequence + len(rig.got)))
+    assert rig.lidar._understudy.health.link is LinkState.READY, "it goes the whole way"
+    rig.take(rig.make(gid=OTHER_GID))
+    rig.lidar.rehearse()
+    assert stops_with(rig, "two publishers")
+
+
+def test_a_rehearsed_scan_that_comes_again_is_still_out_of_order(rig):
+    rig.drive()
+    rig.now_s += STEP_S
+    twice = rig.make()
+    rig.take(twice)
+    rig.lidar.rehearse()
+    rig.take(twice)
+    assert stops_with(rig, "out of order or twice")

@@ -1,5 +1,7 @@
 """Bytes of a lidar are taken apart alike."""
 
+import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -39,3 +41,23 @@ def test_any_samples_are_decoded_alike(compiled, samples, beams, reverse):
         answers = [of["decode_samples"](sent, beams, 20, 30000, int(reverse)) for of in (PYTHON, compiled)]
         assert_same("decode_samples", *answers)
         assert answers[1] is None or not answers[1].flags.writeable
+
+
+METRES = st.one_of(
+    st.floats(-1.0, 40.0, width=32), st.sampled_from([0.0, -0.0, 0.0625, 0.125, 12.0, np.inf, -np.inf, np.nan])
+)
+
+
+@given(sent=st.lists(METRES, min_size=1, max_size=20), begin=st.integers(0, 9), reverse=st.booleans())
+@pytest.mark.parametrize("near_m", [0.0, 0.0625, 0.125])
+def test_any_ranges_of_a_message_are_read_alike(compiled, near_m, sent, begin, reverse):
+    payload = bytes(begin) + np.array(sent, "<f4").tobytes()
+    answers = [of["usable_ranges"](payload, begin, len(sent), near_m, 12.0, int(reverse)) for of in (PYTHON, compiled)]
+    assert_same("usable_ranges", *answers)
+    assert not answers[1].flags.writeable
+
+
+@pytest.mark.parametrize(("begin", "beams"), [(0, 4), (1, 3), (13, 0), (-1, 2), (2**62, 1), (0, 2**62)])
+def test_ranges_beyond_the_message_are_refused(compiled, begin, beams):
+    with pytest.raises(ValueError, match="usable_ranges: no"):
+        compiled["usable_ranges"](bytes(12), begin, beams, 0.1, 12.0, 0)

@@ -292,7 +292,7 @@ def test_the_state_names_every_function_that_runs_in_python(compiled):
 
 def test_each_function_is_in_the_file_of_its_modules_name():
     for name in survey().functions:
-        *folders, module, function = re.sub(r"^wallride\.(drivers|runtime\.control)\.", "", name).split(".")
+        *folders, module, function = re.sub(r"^wallride\.(drivers|runtime\.control|runtime)\.", "", name).split(".")
         of_the_car = "/".join(["runtime/kernel", *folders, f"{module}.c"])
         text = (ROOT / ("sim/world/casting.c" if "world" in folders else of_the_car)).read_text()
         assert f"KERNEL({function})" in text

@@ -11,7 +11,7 @@ import pytest
 
 from wallride.runtime.wire import zenoh_config
 from wallride.runtime.wire.bus import Bus
-from wallride.runtime.wire.mailbox import MAX_DELIVERIES, Mailbox
+from wallride.runtime.wire.mailbox import MAX_DELIVERIES, Mailbox, PromptMailbox
 from wallride.runtime.wire.network import PortTakenError, RefusedError
 from wallride.runtime.wire.ports import free_endpoint
 
@@ -173,7 +173,8 @@ async def test_a_burst_beyond_the_backlog_keeps_the_newest(pair):
     assert len(heard) <= 257
 
 
-async def test_a_flood_leaves_the_loop_its_turns():
+@pytest.mark.parametrize("kind", [Mailbox, PromptMailbox])
+async def test_a_flood_leaves_the_loop_its_turns(kind):
     """zenoh's threads may refill a mailbox faster than it is emptied; whatever else is due must run in between."""
     loop = asyncio.get_running_loop()
     flooded, turns = [], []
@@ -183,7 +184,7 @@ async def test_a_flood_leaves_the_loop_its_turns():
         if len(turns) < 10:
             mailbox.post((number + 1,))
 
-    mailbox = Mailbox(loop, deliver)
+    mailbox = kind(loop, deliver)
 
     def turn():
         turns.append(len(flooded))
@@ -195,9 +196,12 @@ async def test_a_flood_leaves_the_loop_its_turns():
     await until(lambda: len(turns) == 10, "something else ran ten times")
     assert max(after - before for before, after in itertools.pairwise(turns)) <= MAX_DELIVERIES
     assert flooded == list(range(len(flooded)))
+    if kind is PromptMailbox:
+        mailbox.close()
 
 
-async def test_a_receiver_that_raises_loses_its_message_and_not_the_subscription():
+@pytest.mark.parametrize("kind", [Mailbox, PromptMailbox])
+async def test_a_receiver_that_raises_loses_its_message_and_not_the_subscription(kind):
     loop, delivered, raised = asyncio.get_running_loop(), [], []
     loop.set_exception_handler(lambda _loop, context: raised.append(context["exception"]))
 
@@ -206,13 +210,18 @@ async def test_a_receiver_that_raises_loses_its_message_and_not_the_subscription
             raise AttributeError("odd")
         delivered.append(number)
 
-    mailbox = Mailbox(loop, deliver)
+    mailbox = kind(loop, deliver)
     for number in range(3):
         mailbox.post((number,))
     await until(lambda: delivered == [0, 2], "what came in the same burst")
     mailbox.post((3,))
     await until(lambda: delivered == [0, 2, 3], "what came later")
     assert [str(error) for error in raised] == ["odd"]
+    if kind is PromptMailbox:
+        mailbox.close()
+        mailbox.post((4,))
+        await asyncio.sleep(0)
+        assert delivered == [0, 2, 3]
 
 
 async def test_what_is_too_large_is_dropped_before_it_is_copied(pair):

@@ -295,3 +295,24 @@ class Deaf:
 def unlimited(config):
     """Return a configuration without the limits of single clients."""
     return {key: value for key, value in config.items() if key not in {"downsampling", "low_pass_filter"}}
+
+
+async def test_a_prompt_subscription_needs_no_poll_and_opens_only_what_is_its_own():
+    endpoint, key, heard = free_endpoint(), "0/lidar/scan/type/hash", []
+    config = zenoh_config.car_config([endpoint], None, (), "car1") | {"low_pass_filter": [], "downsampling": []}
+    bus = CarBus(config)
+    bus.subscribe_prompt(key, lambda payload, note, arrival_s: heard.append((payload, note, arrival_s)), max_bytes=9)
+    await bus.open()
+    with rude_session(endpoint) as session:
+        begun_s = time.monotonic()
+        session.put("0/lidar/scan/*/hash", b"a stray")
+        session.put(key, b"0123456789")
+        session.put(key, b"bare")
+        session.put(key, b"scan", attachment=b"note")
+        async with asyncio.timeout(10):
+            while len(heard) < 2:
+                await asyncio.sleep(0.005)
+    assert [one[:2] for one in heard] == [(b"bare", None), (b"scan", b"note")]
+    assert begun_s < heard[0][2] <= heard[1][2] < time.monotonic()
+    assert (bus.strays, bus.oversized) == (1, 1)
+    await bus.close()
