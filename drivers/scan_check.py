@@ -70,7 +70,7 @@ class ScanCheck:
     def fault(self, scan: object, now_s: float, *, within: bool = False) -> str:
         """Return what is wrong with a scan, as words after the driver's name; "" where it may be used.
 
-        A scan that is merely old is in order: it says so itself. within: whoever read it has already made NaN of every
+        A scan that is merely old is in order: it says so itself. within: its reader has already made NaN of every
         range outside of its limits.
         """
         if not isinstance(scan, Scan):

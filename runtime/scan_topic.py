@@ -115,7 +115,7 @@ class TopicLidar:
             self._deliver(scan, self._on_scan)
 
     def rehearse(self) -> None:
-        """Read the newest message once more, by checks of its own and for no one, so that the next finds warm code."""
+        """Read the newest message once more, by checks of its own, without delivering it: it warms the code."""
         if self._understudy is None:
             self._understudy = TopicLidar(
                 self._settings, clock=self._clock, unix_ns=self._unix_ns, on_scan=lambda _: None
