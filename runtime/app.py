@@ -271,6 +271,7 @@ class Car:
         self.laws.learn()
         if self.pose is not None and (estimate := self.stack.locate(scan)) is not None:
             self.pose.tell(estimate)
+        self.telemetry.learn(scan)
 
     def _afterwards(self, scan: Scan) -> None:
         """Do what can wait until a scan is answered."""

@@ -83,7 +83,7 @@ class Telemetry:
         self._writers = TopicWriters(
             observed, car, self._newest, self.journey, wall_clock=wall_clock, side=side, ball_m=ball_m
         )
-        self._odometry = GyroOdometry(car.wheelbase_m, car.steering_rate_radps)
+        self._odometry = GyroOdometry(car)
         self._news: dict[str, None] = {}  # an ordered set
         self._changes: deque[_Waiting] = deque(maxlen=MAX_WAITING)
         self._each: deque[_Waiting] = deque(maxlen=MAX_WAITING)
@@ -125,7 +125,7 @@ class Telemetry:
         """Note the pose on the map at a scan, and where odom lies on the map."""
         self._newest.odom_on_map = self._odom_on_map(estimate)
         if not math.isnan(estimate.slip_s2pm):
-            self._odometry.scale, self._odometry.slip_s2pm = estimate.scale, estimate.slip_s2pm
+            self._odometry.errors.know_scale(estimate.scale)
         self._each.append((topics.POSE, estimate.stamp_s, partial(self._writers.pose, estimate)))
         self._note(BY_POSE)
 
@@ -147,6 +147,10 @@ class Telemetry:
             estimate.y_m - sin * x_m - cos * y_m,
             yaw_rad,
         )
+
+    def learn(self, scan: Scan) -> None:
+        """Learn the odometry's errors from a scan; to be called when it is answered."""
+        self._odometry.learn(scan)
 
     def on_output(self, output: Output) -> None:
         """Note a decision, which the motor has already, and start the writing."""

@@ -1,17 +1,20 @@
 """Odometry whose heading comes from a gyro, for `odom`, where the motor controller has an inertial sensor.
 
 Trim, servo and tyres make the steering a bad measure of the turn: over 10 m it errs by 1.5 to 3.3 m, a gyro by 0.1 to
-0.3 m (racing.md, section 1). The gyro's bias is learnt while the wheels stand. Until then, and without a sensor that is
-level and agrees with the steering, the steering tells the heading as before.
+0.3 m, with scans beside it by 0.1 m. The gyro's bias is learnt while the wheels stand. Until then, and without a sensor
+that is level and agrees with the steering, the steering tells the heading as before.
 """
 
 import math
 from typing import Final
 
-from wallride.drivers.api import MotorState
-from wallride.runtime.control.localization.pose_filter import SLIP_S2PM, WheelStep
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.control.localization.odometry_errors import AxleStep, OdometryErrors, Reckoned
+from wallride.runtime.control.localization.pose_filter import WheelStep
 from wallride.runtime.control.localization.wheel_steps import WheelSteps
 from wallride.runtime.control.perception.odometry import OdometryState, dead_reckon
+from wallride.runtime.control.perception.scan_matching import ScanPose
+from wallride.runtime.control.vehicle import CarSettings
 
 Vector = tuple[float, float, float]
 
@@ -32,6 +35,8 @@ COMPARED_RAD: Final = 3.0
 """Turn by the steering over which the gyro has to agree with it."""
 AGREES: Final = (0.3, 3.0)
 """Turn by the gyro over that by the steering: tyres at the grip's limit take half of it."""
+EASED_M: Final = 0.2
+"""Way over which a correction by scans is brought into the pose, so that it does not jump."""
 
 NO_SENSOR: Final = "no inertial sensor"
 UNKNOWN_BIAS: Final = "the gyro's bias is not known: let the car stand for a second"
@@ -72,6 +77,11 @@ class Gyro:
         return self._bias_radps if self._learnt >= LEARNT else math.nan
 
     @property
+    def rate_radps(self) -> float:
+        """Return the newest rate, less the bias."""
+        return self._rate_radps - self.bias_radps
+
+    @property
     def trouble(self) -> str:
         """Return why the gyro does not tell the heading, "" where it does."""
         if self._stamp_s == -math.inf:
@@ -93,19 +103,19 @@ class Gyro:
 class GyroOdometry:
     """Dead reckoning of the rear axle (base_link in odom, REP-105) by wheels and gyro.
 
-    pose: at the newest report. heading: what tells its heading. scale: true way over the reported one. slip_s2pm: the
-    rear axle moves aside by that times speed^2 * turn. Both may be set, as a map tells them.
+    pose: at the newest report. heading: what tells its heading. errors: of wheels, tyres and gyro, learnt from scans.
     """
 
-    def __init__(self, wheelbase_m: float, steering_rate_radps: float) -> None:
+    def __init__(self, car: CarSettings) -> None:
         self.gyro = Gyro()
         self.pose = OdometryState()
         self.heading = f"steering: {NO_SENSOR}"
-        self.scale, self.slip_s2pm = 1.0, SLIP_S2PM
-        self._wheelbase_m = wheelbase_m
-        self._rate_radps = steering_rate_radps
-        self._steps = WheelSteps(steering_rate_radps)
+        self.errors = OdometryErrors()
+        self._car = car
+        self._steps = WheelSteps(car.steering_rate_radps)
         self._last: MotorState | None = None
+        self._reckoned: Reckoned | None = None
+        self._owed_m = 0j  # corrected already, but not told yet
         self._compared = (0.0, 0.0)
 
     def take(self, stamp_s: float, rate_radps: Vector, acceleration_mps2: Vector) -> None:
@@ -117,7 +127,7 @@ class GyroOdometry:
         """Add one report; None (link lost) interrupts the chain, so that nothing is integrated across the gap."""
         last, self._last, at = self._last, state, self.pose
         if state is None:
-            self._steps = WheelSteps(self._rate_radps)
+            self._steps, self._reckoned = WheelSteps(self._car.steering_rate_radps), None
             self.pose = OdometryState(at.x_m, at.y_m, at.yaw_rad)
             return self.pose
         step, turn_rad = self._steps.to(state.stamp_s, state), self.gyro.turned_rad(state.stamp_s)
@@ -126,24 +136,44 @@ class GyroOdometry:
         trouble = self.gyro.trouble or (SILENT if math.isnan(turn_rad) else "")
         self.heading = f"steering: {trouble}" if trouble else "gyro"
         if step is None or trouble:
+            self._reckoned = None
             self.pose = self._by_steering(state, state.distance_m - last.distance_m if last is not None else 0.0)
-            return self.pose
-        way_m, speed_mps = self.scale * step.way_m, self.scale * step.speed_mps
-        aside_m = -self.slip_s2pm * speed_mps**2 * turn_rad
-        cos, sin = math.cos(at.yaw_rad + 0.5 * turn_rad), math.sin(at.yaw_rad + 0.5 * turn_rad)
-        self.pose = OdometryState(
-            at.x_m + cos * way_m - sin * aside_m,
-            at.y_m + sin * way_m + cos * aside_m,
-            math.remainder(at.yaw_rad + turn_rad, math.tau),
-            state.speed_mps,
-            turn_rad / step.since_s,
-        )
+        else:
+            if step.slides:
+                self.errors.forget()
+            self.pose = self._by_gyro(state, AxleStep(step.way_m, step.speed_mps, turn_rad, step.since_s))
         return self.pose
+
+    def learn(self, scan: Scan) -> None:
+        """Learn the errors from the newest scan, once it is answered; nothing while the gyro tells no heading."""
+        state, last = self._last, self._reckoned
+        if state is None or last is None or abs(scan.stamp_s - state.stamp_s) >= GAP_S:
+            self.errors.forget()
+            return
+        since_s, speed_mps = scan.stamp_s - state.stamp_s, state.speed_mps
+        carried = AxleStep(speed_mps * since_s, speed_mps, self.gyro.rate_radps * since_s, since_s)
+        here = self.errors.after(last, carried)
+        found = self.errors.learn(scan, self._car.lidar_m, (speed_mps, self.pose.yaw_rate_radps), here)
+        aside_m = found.pose.at_m - here.pose.at_m
+        self._reckoned = last._replace(pose=ScanPose(last.pose.at_m + aside_m, last.pose.yaw_rad))
+        self._owed_m += aside_m
+
+    def _by_gyro(self, state: MotorState, step: AxleStep) -> OdometryState:
+        at, before = self.pose, self._reckoned
+        if before is None:
+            self._owed_m = 0j
+            self.errors.forget()
+            before = Reckoned(state.stamp_s - step.since_s, ScanPose(complex(at.x_m, at.y_m), at.yaw_rad))
+        self._reckoned = self.errors.after(before, step)
+        self._owed_m *= math.exp(-abs(step.way_m) / EASED_M)
+        at_m, yaw_rad = self._reckoned.pose.at_m - self._owed_m, self._reckoned.pose.yaw_rad
+        turn_radps = (yaw_rad - before.pose.yaw_rad) / step.since_s
+        return OdometryState(at_m.real, at_m.imag, math.remainder(yaw_rad, math.tau), state.speed_mps, turn_radps)
 
     def _by_steering(self, state: MotorState, step_m: float) -> OdometryState:
         at, steering_rad = self.pose, state.steering_rad
         x_m, y_m, yaw_rad, curvature_per_m = dead_reckon(
-            at.x_m, at.y_m, at.yaw_rad, step_m, steering_rad, self._wheelbase_m
+            at.x_m, at.y_m, at.yaw_rad, step_m, steering_rad, self._car.wheelbase_m
         )
         return OdometryState(x_m, y_m, yaw_rad, state.speed_mps, state.speed_mps * curvature_per_m)
 
@@ -152,7 +182,7 @@ class GyroOdometry:
         if step.slides or step.steering_rad is None or abs(step.steering_rad) < BEND_RAD:
             return
         steered, turned = self._compared
-        steered += step.way_m * math.tan(step.steering_rad) / self._wheelbase_m
+        steered += step.way_m * math.tan(step.steering_rad) / self._car.wheelbase_m
         turned += turn_rad
         self._compared = steered, turned
         if abs(steered) > COMPARED_RAD:

@@ -9,6 +9,7 @@ from wallride.drivers.api import MotorState
 from wallride.runtime.control.localization import gyro_odometry
 from wallride.runtime.control.localization.gyro_odometry import GyroOdometry
 from wallride.runtime.control.perception.odometry import Odometry
+from wallride.runtime.control.vehicle import CarSettings
 
 WHEELBASE_M = 0.3302
 LEVEL = (0.0, 0.0, 9.81)
@@ -19,7 +20,7 @@ class Circle:
     """Drives left circles of 1 m: stands first, then drives for the rest. gyro: a function of the true rate [rad/s]."""
 
     def __init__(self, gyro=None, *, stands_s=2.0, acceleration_mps2=LEVEL, trim_rad=0.0, locked_s=math.inf):
-        self.odometry = GyroOdometry(WHEELBASE_M, 3.2)
+        self.odometry = GyroOdometry(CarSettings(wheelbase_m=WHEELBASE_M))
         self.gyro, self.acceleration_mps2 = gyro, acceleration_mps2
         self.stands_s, self.trim_rad, self.locked_s = stands_s, trim_rad, locked_s
         self.steering_rad = math.atan(WHEELBASE_M)
