@@ -48,7 +48,7 @@ class Repetition:
 
     def _is_played(self, ranges_m: Floats) -> bool:
         if np.count_nonzero(np.isfinite(ranges_m)) < MIN_SAMPLES:
-            return False
+            return self._played >= PLAYED_TURNS
         key = hash(ranges_m.tobytes())
         first_m = self._seen.setdefault(key, self._driven_m)
         self._seen.move_to_end(key)

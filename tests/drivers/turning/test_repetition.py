@@ -70,7 +70,8 @@ def test_played_turns_of_a_car_that_stood_are_none_and_end_with_new_ones():
     assert told == [True] * (NEW_TURNS - 1) + [False]
 
 
-def test_one_new_turn_where_the_played_ones_begin_again_does_not_end_them():
+@pytest.mark.parametrize("silent", [0.0, 1.0])
+def test_one_new_turn_where_the_played_ones_begin_again_does_not_end_them(silent):
     again = [turn(0.01) for _ in range(10)]
-    told = judged(1.0, [*again, *again, turn(0.01), *again])
+    told = judged(1.0, [*again, *again, turn(0.01, silent), *again])
     assert all(told[11:])
