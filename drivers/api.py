@@ -62,7 +62,8 @@ class Scan:
     ray_s: time from one beam of the array to the next, negative where the array runs against the sensor's turn; 0.0:
         all beams are as seen at stamp_s.
     returns: what the sensor said of beams without a distance, None where it is not known. No law reads it.
-    correction: what its driver changed to make it so, None for nothing. No law reads it.
+    correction: what its driver changed to make it so, None for nothing. Only checks of the lidar and estimates of the
+        speed read it.
     """
 
     stamp_s: float

@@ -20,6 +20,8 @@ REPEATED_M: Final = 0.3
 """Way of the car after which a turn that repeats is a stored one."""
 PLAYED_TURNS: Final = 2
 """Minimum number in a row of turns that were seen before, REPEATED_M ago or more."""
+NEW_TURNS: Final = 3
+"""Minimum number in a row of other turns that end it: where the played bytes begin again, one turn is of two halves."""
 REMEMBERED_TURNS: Final = 100
 
 
@@ -30,7 +32,7 @@ class Repetition:
         self._before_m: Floats = np.empty(0)
         self._way_m = self._driven_m = 0.0
         self._seen: OrderedDict[int, float] = OrderedDict()
-        self._played = 0
+        self._played = self._new = 0
         self.stored = False
 
     def is_stored(self, ranges_m: Floats, speed_mps: float, turn_s: float) -> bool:
@@ -46,13 +48,18 @@ class Repetition:
 
     def _is_played(self, ranges_m: Floats) -> bool:
         if np.count_nonzero(np.isfinite(ranges_m)) < MIN_SAMPLES:
-            return False
+            return self._played >= PLAYED_TURNS
         key = hash(ranges_m.tobytes())
         first_m = self._seen.setdefault(key, self._driven_m)
         self._seen.move_to_end(key)
         if len(self._seen) > REMEMBERED_TURNS:
             self._seen.popitem(last=False)
-        self._played = self._played + 1 if self._driven_m - first_m >= REPEATED_M else 0
+        if self._driven_m - first_m >= REPEATED_M:
+            self._played, self._new = self._played + 1, 0
+        elif self._played < PLAYED_TURNS or self._new + 1 >= NEW_TURNS:
+            self._played = self._new = 0
+        else:
+            self._new += 1
         return self._played >= PLAYED_TURNS
 
 

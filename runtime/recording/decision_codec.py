@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.drivers.api import Correction, Drive, MotorState, Scan
 from wallride.runtime.arbitration.command import Decision, DriveCommand, Output, QueueEntry, Source, SpeedLimit, Verdict
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.perception.own_parts import KnownParts
@@ -108,7 +108,9 @@ def _encode_scan(_: _Batch, scan: Scan) -> list[Any]:
         scan.range_min_m,
         scan.range_max_m,
     )
-    return [scan.sequence, *map(_plain, numbers), scan.ranges_m.shape[0], _plain(scan.ray_s)]
+    row = [scan.sequence, *map(_plain, numbers), scan.ranges_m.shape[0], _plain(scan.ray_s)]
+    done = scan.correction
+    return row if done is None else [*row, *map(_plain, (done.x_mps, done.y_mps, done.yaw_rate_radps, done.ray_s))]
 
 
 def _encode_look(batch: _Batch, scan: Scan, motor: MotorState | None, times_s: Sequence[float]) -> list[Any]:
@@ -180,6 +182,7 @@ def _events(message: Mapping[str, Any]) -> Iterator[Event]:
                 yield ScanEvent(
                     number, sequence, float(stamp_s), float(received_s), float(first_rad), float(step_rad),
                     float(least_m), float(most_m), beams, float(rest[0]) if rest else 0.0,
+                    Correction(*map(float, rest[1:])) if rest[1:] else None,
                 )  # fmt: skip
             case "look":
                 sequence, motor, times_s = parts

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from wallride.drivers.api import Clock, MotorState, Scan
+from wallride.drivers.api import Clock, Correction, MotorState, Scan
 from wallride.runtime.arbitration.command import Output, QueueEntry, Source
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.perception.own_parts import KnownParts
@@ -43,13 +43,14 @@ class ScanEvent:
     range_max_m: float
     beams: int
     ray_s: float = 0.0
-    """0.0 also in recordings from before it was kept."""
+    correction: Correction | None = None
+    """0.0 and None also in recordings from before they were kept."""
 
     def scan(self, ranges_m: npt.NDArray[np.float32]) -> Scan:
         """Return the delivered scan, given the ranges of the LaserScan with the same sequence number."""
         return Scan(
             self.stamp_s, self.received_s, self.angle_min_rad, self.angle_step_rad, self.range_min_m,
-            self.range_max_m, ranges_m, self.sequence, self.ray_s,
+            self.range_max_m, ranges_m, self.sequence, self.ray_s, correction=self.correction,
         )  # fmt: skip
 
 

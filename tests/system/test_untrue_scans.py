@@ -12,7 +12,9 @@ from wallride.runtime.control.perception import scene_agreement
 from wallride.runtime.control.perception.plausibility import BACKWARDS, HELD_OR_TURNED, TURNED, WRONG_SCALE
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.car.vehicle_settings import VehicleSettings
-from wallride.sim.virtual.closed_loop import Case, drive
+from wallride.sim.devices.turning import TurningHead
+from wallride.sim.virtual import turning_sensor
+from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, Case, drive
 from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.worlds import load_world
 
@@ -130,6 +132,49 @@ def test_a_blank_of_a_lidar_with_fewer_beams_stops_the_car_too(word, within_rad)
     assert scene_agreement.VANISHED in done.reasons
     places = done.pose[done.time_s >= FROM_S, :2]
     assert float(np.hypot(*np.diff(places, axis=0).T).sum()) < STOPS_WITHIN_M
+
+
+class StoredTurns(TurningHead):
+    """Shows its last turn again between two times, each time with a noise of its own."""
+
+    until_s = math.inf
+
+    def _measured(self, turns, head_deg, see):
+        self.frozen = FROM_S <= turns[0] / self.device.turns_hz < self.until_s
+        mm = super()._measured(turns, head_deg, see)
+        noise_mm = np.random.default_rng(round(100 * turns[0])).integers(-3, 4, mm.size)
+        return np.where(mm > 0, mm + noise_mm, mm) if self.frozen else mm
+
+
+def drive_by(word, world, seed, duration_s=7.0, beams=ROUGH_BEAMS):
+    settings = load_settings(None, ["wall_follow.speed_mps=1.0"])
+    laws = LiveLaws(settings.wall_follow, settings.safety, settings.car)
+    case = Case(load_world(world, seed=seed), duration_s=duration_s, seed=seed, turning=word, lidar=beams)
+    return drive(case, laws, laws)
+
+
+@pytest.mark.parametrize(("word", "world"), [("a1", "loop"), ("x2", "dead_end"), ("x4", "cluttered"), ("c1", "loop")])
+def test_a_slow_lidar_that_shows_its_last_turn_again_with_a_noise_of_its_own_stops_the_car(word, world, monkeypatch):
+    monkeypatch.setattr(turning_sensor, "TurningHead", StoredTurns)
+    done = drive_by(word, world, 3, beams=LidarSettings(noise_std_m=0.01))
+    assert done.contact is None
+    assert done.reasons[-1] == scene_agreement.STANDS
+    places = done.pose[done.time_s >= FROM_S, :2]
+    assert float(np.hypot(*np.diff(places, axis=0).T).sum()) < 0.9
+
+
+def test_a_slow_lidar_that_measures_again_is_believed_again(monkeypatch):
+    monkeypatch.setattr(turning_sensor, "TurningHead", StoredTurns)
+    monkeypatch.setattr(StoredTurns, "until_s", FROM_S + 3.0)
+    done = drive_by("a1", "loop", 3, duration_s=9.0, beams=LidarSettings(noise_std_m=0.01))
+    assert scene_agreement.STANDS in done.reasons
+    assert done.speed_mps[-1, 0] > 0.8
+
+
+@pytest.mark.parametrize("word", ["a1", "x2", "c1"])
+@pytest.mark.parametrize("world", ["corridor", "doorway", "cluttered"])
+def test_a_slow_lidar_that_tells_the_truth_is_never_doubted(word, world):
+    assert not NAMED & set(drive_by(word, world, 4).reasons)
 
 
 @pytest.mark.parametrize("world", ["dead_end", "loop", "corridor", "doorway", "cluttered"])

@@ -107,10 +107,20 @@ def corrected_anew(patches: Patches, done: Correction, wanted: Correction) -> Pa
     """Return the patches as they were if their driver had taken out another motion. ray_s: that of `done`."""
     beams = patches.kind[2]
     beam = np.arange(0.0, beams, max(1, beams // PATCHES))
+    middle_m, turned = places_anew(patches.middle_m, beam, beams, done, wanted)
+    return replace(patches, middle_m=middle_m, normals=patches.normals * turned)
+
+
+def places_anew(
+    places_m: Places, beam: Floats, beams: int, done: Correction, wanted: Correction
+) -> tuple[Places, Places]:
+    """Return places (k,) as they were if their driver had taken out another motion, and by what it turned each.
+
+    beam: place of each in a scan of so many beams.
+    """
     age_s: Floats = done.ray_s * (beams - 1.0 - beam) if done.ray_s > 0.0 else -done.ray_s * beam
     turned: Places = np.exp(1j * (done.yaw_rate_radps - wanted.yaw_rate_radps) * age_s)
-    middle_m: Places = (patches.middle_m + _moved_m(done, age_s)) * turned - _moved_m(wanted, age_s)
-    return replace(patches, middle_m=middle_m, normals=patches.normals * turned)
+    return (places_m + _moved_m(done, age_s)) * turned - _moved_m(wanted, age_s), turned
 
 
 def _moved_m(motion: Correction, age_s: Floats) -> Places:

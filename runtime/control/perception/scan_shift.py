@@ -12,6 +12,7 @@ import numpy as np
 
 from wallride.drivers.api import Scan
 from wallride.runtime.control.perception.geometry import Floats, points_m, sector
+from wallride.runtime.control.perception.scan_displacement import places_anew
 
 Shift = tuple[float, float, float]
 """Shift x_m, y_m, yaw_rad of base_link, in its earlier frame."""
@@ -22,6 +23,8 @@ POINTS = 150
 ENOUGH_POINTS = 40
 CAP_M = 0.1
 """Maximum misfit of one point: beyond it a point only counts as not fitting, because people walk and edges hide."""
+FITS_M, FITS_NOT_M = 0.03, 0.09
+"""Maximum misfit of a point that votes for a motion, and minimum misfit of the same point in the other one."""
 TELLS_M, ENOUGH_TELL = 0.05, 12
 """Minimum difference, and minimum number, of informative points: a point on a wall parallel to the motion fits at any
 shift."""
@@ -35,30 +38,10 @@ def misfits_m(
     moved: base_link's shift between the scans as supposed. turns_rad: added to the supposed heading: slip, a servo that
     lags. None where too few points are seen, or the scans are not of one kind.
     """
-    beams = before.ranges_m.shape[0]
-    if after.ranges_m.shape[0] != beams or after.angle_min_rad != before.angle_min_rad:
+    seen = _points(before, after)
+    if seen is None:
         return None
-    ahead = sector(after, -BEFORE_RAD, BEFORE_RAD)
-    ahead = slice(ahead.start, ahead.stop, max(1, (ahead.stop - ahead.start) // POINTS))
-    range_m = after.ranges_m[ahead]
-    seen = (range_m > MIN_RANGE_M) & (range_m < MAX_RANGE_M)
-    points = points_m(after, ahead)[:, seen]
-    if points.shape[1] < ENOUGH_POINTS:
-        return None
-    x_m, y_m, yaw_rad = _lidar_shifts(moved, lidar_m, shares, turns_rad)
-    cos, sin = np.cos(yaw_rad)[:, None], np.sin(yaw_rad)[:, None]
-    shifted_x_m = cos * points[0] - sin * points[1] + x_m[:, None]
-    shifted_y_m = sin * points[0] + cos * points[1] + y_m[:, None]
-    place = (np.arctan2(shifted_y_m, shifted_x_m) - before.angle_min_rad) / before.angle_step_rad
-    index = np.floor(place).astype(np.intp)
-    known = (index >= 0) & (index < beams - 1)
-    index[~known] = 0
-    # Between two beams a wall's 1 / range is straight; the nearest beam's range instead would favour no shift at all.
-    nearness = 1.0 / before.ranges_m.astype(np.float64)
-    first, share = nearness[index], place - index
-    there_m = 1.0 / (first + share * (nearness[index + 1] - first))
-    off_m = np.abs(np.hypot(shifted_x_m, shifted_y_m) - there_m)
-    off_m = np.where(known & (off_m < CAP_M), off_m, CAP_M)  # NaN is not smaller
+    off_m = _off_m(before, *_shifted(seen[0], moved, lidar_m, shares, turns_rad))
     by_turn_m = off_m.reshape(shares.size, turns_rad.size, -1)
     turn = by_turn_m.mean(axis=2).argmin(axis=1)
     fits_m = by_turn_m[np.arange(shares.size), turn]
@@ -67,6 +50,64 @@ def misfits_m(
         return None
     misfit_m: Floats = fits_m[:, tells].mean(axis=1)
     return misfit_m
+
+
+def votes(
+    before: Scan, after: Scan, moved: Shift, lidar_m: complex, shares: Floats, turns_rad: Floats
+) -> tuple[int, int] | None:
+    """Return how many points fit only where the scene stands, and how many only where it moves, by its best share.
+
+    For a lidar whose driver takes the wheels' motion out of its turns, which makes a different scan of every showing of
+    a stored one: it stands where the same motion is taken out of both. None as of `misfits_m`, or without a correction.
+    """
+    seen, done, wanted = _points(before, after), after.correction, before.correction
+    if seen is None or done is None or wanted is None:
+        return None
+    points, beam = seen
+    places_m, _ = places_anew(points[0] + 1j * points[1], beam, after.ranges_m.size, done, wanted)
+    still_m = _off_m(before, places_m.real, places_m.imag)
+    moving_m = _off_m(before, *_shifted(points, moved, lidar_m, shares, turns_rad))
+    stands = np.count_nonzero((still_m < FITS_M) & (moving_m > FITS_NOT_M), axis=1)
+    moves = np.count_nonzero((still_m > FITS_NOT_M) & (moving_m < FITS_M), axis=1)
+    best = int(np.argmax(moves - stands))
+    return int(stands[best]), int(moves[best])
+
+
+def _points(before: Scan, after: Scan) -> tuple[Floats, Floats] | None:
+    """Return the points of a scan that count, (2, n), and their beams; None: too few, or scans of different kinds."""
+    beams = before.ranges_m.shape[0]
+    if after.ranges_m.shape[0] != beams or after.angle_min_rad != before.angle_min_rad:
+        return None
+    ahead = sector(after, -BEFORE_RAD, BEFORE_RAD)
+    ahead = slice(ahead.start, ahead.stop, max(1, (ahead.stop - ahead.start) // POINTS))
+    range_m = after.ranges_m[ahead]
+    seen = (range_m > MIN_RANGE_M) & (range_m < MAX_RANGE_M)
+    if np.count_nonzero(seen) < ENOUGH_POINTS:
+        return None
+    return points_m(after, ahead)[:, seen], np.arange(float(beams))[ahead][seen]
+
+
+def _off_m(before: Scan, x_m: Floats, y_m: Floats) -> Floats:
+    """Return how far points, of any shape, are from the earlier scan's surface along their rays; CAP_M at most."""
+    place = (np.arctan2(y_m, x_m) - before.angle_min_rad) / before.angle_step_rad
+    index = np.floor(place).astype(np.intp)
+    known = (index >= 0) & (index < before.ranges_m.shape[0] - 1)
+    index[~known] = 0
+    # Between two beams a wall's 1 / range is straight; the nearest beam's range instead would favour no shift at all.
+    nearness = 1.0 / before.ranges_m.astype(np.float64)
+    first, share = nearness[index], place - index
+    there_m = 1.0 / (first + share * (nearness[index + 1] - first))
+    off_m = np.abs(np.hypot(x_m, y_m) - there_m)
+    return np.where(known & (off_m < CAP_M), off_m, CAP_M)  # NaN is not smaller
+
+
+def _shifted(
+    points: Floats, moved: Shift, lidar_m: complex, shares: Floats, turns_rad: Floats
+) -> tuple[Floats, Floats]:
+    """Return x_m and y_m of points (2, n), shifted by every share and turn, (shares x turns, n)."""
+    x_m, y_m, yaw_rad = _lidar_shifts(moved, lidar_m, shares, turns_rad)
+    cos, sin = np.cos(yaw_rad)[:, None], np.sin(yaw_rad)[:, None]
+    return cos * points[0] - sin * points[1] + x_m[:, None], sin * points[0] + cos * points[1] + y_m[:, None]
 
 
 def _lidar_shifts(moved: Shift, lidar_m: complex, shares: Floats, turns_rad: Floats) -> tuple[Floats, Floats, Floats]:

@@ -8,6 +8,10 @@ Each CHECKS_EVERY_M a scan is compared with one that was taken BASE_M before:
 
 And a scan that was seen before, to the bit, somewhere else, is played again. What stands from the first metre on is no
 fault here: a car on a stand looks the same.
+
+Of a slow lidar the driver takes the wheels' motion out of each turn, which makes a different scan of every showing of a
+stored one, and few coarse beams leave a mean misfit of centimetres. So both turns get the same motion taken out, and
+each point that fits one of the two, standing or moving, and not the other, has a vote.
 """
 
 import math
@@ -19,7 +23,7 @@ import numpy as np
 from wallride.drivers.api import Scan
 from wallride.runtime.control.perception.geometry import Floats, points_m, sector
 from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.scan_shift import Shift, misfits_m
+from wallride.runtime.control.perception.scan_shift import Shift, misfits_m, votes
 
 BASE_M = 0.25
 CHECKS_EVERY_M = 0.08
@@ -38,6 +42,13 @@ SURELY_CLEARER_M = 0.03
 """Minimum distance by which every motion must fit worse than none: a car's slip angle alone misses a wall by 2 cm."""
 SAME_M = 0.015
 """Maximum mean misfit of a scene that stands."""
+VOTED_BASES_M = (0.15, 0.25)
+"""Ways back to the scans with which one of a slow lidar is compared, by votes of its points."""
+MOVES_VOTES, STANDS_VOTES, AGAINST = 6, 30, 1.5
+"""Minimum number of votes for a scene that moves, of one check, and for one that stands, in a sum over the checks since
+(Page's CUSUM test), in which a vote for motion counts so much more."""
+VOTED_WITHIN_M = 3.0
+"""The same as AGREED_WITHIN_M, of a slow lidar: in a corridor few points have a vote, and the sum grows slowly."""
 STANDS_CHECKS, VANISHED_CHECKS, REPEATED_SCANS = 2, 2, 2
 """Minimum number of consecutive witnesses."""
 REMEMBERED_SCANS = 400
@@ -83,6 +94,7 @@ class SceneAgreement:
         self._distance_m: float | None = None
         self._agreed_m = -math.inf
         self._repeated = self._standing = self._vanished = 0
+        self._votes = 0.0  # that it stands, less those against
         self._stood_since_s = math.nan
         self._before: _Kept | None = None  # what has vanished, and the view in which it has
         self._covered: Scan | None = None
@@ -97,7 +109,7 @@ class SceneAgreement:
         if not stands or math.isnan(self._stood_since_s):
             self._stood_since_s = scan.stamp_s if stands else math.nan
         if stands:
-            self._agreed_m, self._standing = -math.inf, 0
+            self._agreed_m, self._standing, self._votes = -math.inf, 0, 0.0
         key = hash(samples)
         if key == next(reversed(self._seen), None):
             return  # one scan again and again has a check of its own
@@ -127,14 +139,22 @@ class SceneAgreement:
         elif not self._repeated and self.doubt == REPEATED:
             self.doubt = ""
 
+    def _base(self, now: _Kept, way_m: float) -> _Kept | None:
+        """Return the newest scan that was taken so far back."""
+        base = next((one for one in reversed(self._kept) if now.way_m - one.way_m >= way_m), None)
+        return base if base is not None and 0.0 <= now.scan.stamp_s - base.scan.stamp_s <= MAX_AGE_S else None
+
     def _check(self, now: _Kept) -> None:
-        base = next((one for one in reversed(self._kept) if now.way_m - one.way_m >= BASE_M), None)
-        if base is None or not 0.0 <= now.scan.stamp_s - base.scan.stamp_s <= MAX_AGE_S:
+        base = self._base(now, BASE_M)
+        if base is None:
             return
         moved = _moved(base.pose, now.pose)
         self._vanished = self._vanished + 1 if _has_vanished(base, now, self._lidar_m) else 0
         if self._vanished >= VANISHED_CHECKS:
             self._doubt_view(base, now, VANISHED)
+            return
+        if now.scan.correction is not None:
+            self._vote(base, now)
             return
         misfit_m = misfits_m(base.scan, now.scan, moved, self._lidar_m, SHARES, TURNS_RAD)
         if misfit_m is None:
@@ -147,6 +167,23 @@ class SceneAgreement:
             if self._standing >= STANDS_CHECKS and now.way_m - self._agreed_m <= AGREED_WITHIN_M:
                 self._doubt_view(base, now, STANDS)
 
+    def _vote(self, base: _Kept, now: _Kept) -> None:
+        """Ask the points of a slow lidar's scan whether the scene moves; about 2 ms."""
+        stands = moves = 0
+        for one in (self._base(now, way_m) for way_m in VOTED_BASES_M):
+            if one is not None:
+                moved = _moved(one.pose, now.pose)
+                found = votes(one.scan, now.scan, moved, self._lidar_m, SHARES[1:], SURE_TURNS_RAD) or (0, 0)
+                stands, moves = stands + found[0], moves + found[1]
+        if moves >= MOVES_VOTES and moves > stands:
+            self._agreed_m, self._standing, self._votes = now.way_m, 0, 0.0
+            return
+        self._votes = max(0.0, self._votes + stands - AGAINST * moves)
+        self._standing = self._standing + 1 if self._votes else 0
+        told = self._standing >= STANDS_CHECKS and self._votes >= STANDS_VOTES
+        if told and now.way_m - self._agreed_m <= VOTED_WITHIN_M:
+            self._doubt_view(base, now, STANDS)
+
     def _surely_stands(self, base: _Kept, now: _Kept) -> bool:
         """Return whether nothing but standing fits, among many more answers: a few ms, and seldom asked."""
         moved = _moved(base.pose, now.pose)
@@ -156,12 +193,15 @@ class SceneAgreement:
     def _doubt_view(self, base: _Kept, now: _Kept, reason: str) -> None:
         self.doubt, self._before, self._covered = reason, base, now.scan
         self._standing = self._vanished = 0
+        self._votes = 0.0
 
     def _await_the_truth(self, now: _Kept) -> None:
         """End the doubt where what was there is there again, or where the car stands and its view has changed."""
         before, covered = self._before, self._covered
         if before is None or covered is None:
             return
+        if covered.correction is not None and not self._stood_since_s < now.scan.stamp_s:  # NaN is not smaller
+            self._covered = now.scan  # the first at rest: another motion is taken out of turns in the drive
         stands = now.scan.stamp_s - self._stood_since_s >= STANDS_FOR_S  # NaN is not larger
         changed = stands and _changed_share(covered, now.scan) > CHANGED_SHARE[self.doubt]
         if changed or (self.doubt == VANISHED and _back_share(before, now, self._lidar_m) > BACK_SHARE):
@@ -198,7 +238,11 @@ def _changed_share(covered: Scan, now: Scan) -> float:
     if covered.ranges_m.shape != now.ranges_m.shape:
         return 1.0
     ahead = sector(now, -AHEAD_RAD, AHEAD_RAD)
-    off_m = np.abs(now.ranges_m[ahead] - covered.ranges_m[ahead])
+    low_m = high_m = covered.ranges_m
+    if covered.correction is not None:  # a sample may be in the next beam at the next turn
+        three_m = [np.roll(covered.ranges_m, by) for by in (-1, 0, 1)]
+        low_m, high_m = np.fmin.reduce(three_m), np.fmax.reduce(three_m)
+    off_m = np.maximum(now.ranges_m - high_m, low_m - now.ranges_m)[ahead]
     return float(np.mean(off_m > LIVE_M)) if off_m.size else 0.0  # NaN is not larger
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wallride.drivers.turning.repetition import REPEATED_M, Repetition
+from wallride.drivers.turning.repetition import NEW_TURNS, REPEATED_M, Repetition
 
 TURN_S = 0.1
 RNG = np.random.default_rng(1)
@@ -62,8 +62,16 @@ def test_turns_that_are_played_again_are_stored_ones():
     assert all(told[11:])
 
 
-def test_played_turns_of_a_car_that_stood_are_none_and_end_with_a_new_one():
+def test_played_turns_of_a_car_that_stood_are_none_and_end_with_new_ones():
     repetition, again = Repetition(), [turn(0.01) for _ in range(5)]
     assert not any(repetition.is_stored(one, 0.0, TURN_S) for one in again * 2)
     assert [repetition.is_stored(one, 1.0, TURN_S) for one in again][-1]
-    assert not repetition.is_stored(turn(0.01), 1.0, TURN_S)
+    told = [repetition.is_stored(turn(0.01), 1.0, TURN_S) for _ in range(NEW_TURNS)]
+    assert told == [True] * (NEW_TURNS - 1) + [False]
+
+
+@pytest.mark.parametrize("silent", [0.0, 1.0])
+def test_one_new_turn_where_the_played_ones_begin_again_does_not_end_them(silent):
+    again = [turn(0.01) for _ in range(10)]
+    told = judged(1.0, [*again, *again, turn(0.01, silent), *again])
+    assert all(told[11:])

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.runtime.observed import HandClock
-from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.drivers.api import Correction, Drive, MotorState, Scan
 from wallride.runtime.arbitration.command import (
     Decision,
     DriveCommand,
@@ -85,6 +85,17 @@ def test_a_scan_comes_back_as_it_was_given_its_ranges(numbers, sequence):
     again = event.scan(RANGES_M)
     assert again.sequence == sequence
     assert all(map(same, [getattr(again, field.name) for field in fields(Scan)][:6], numbers))
+
+
+@given(numbers=st.tuples(*[ANY_FLOAT] * 4))
+def test_the_motion_that_a_driver_took_out_of_a_scan_comes_back(numbers):
+    decision_log = DecisionLog(HandClock())
+    decision_log.add_scan(replace(make_scan([1.0] * 6, 3), correction=Correction(*numbers)))
+    (event,) = play(*decision_log.drain())
+    assert isinstance(event, ScanEvent)
+    found = event.scan(RANGES_M).correction
+    assert found is not None
+    assert all(map(same, [getattr(found, field.name) for field in fields(Correction)], numbers))
 
 
 def test_numbers_of_numpy_are_numbers():

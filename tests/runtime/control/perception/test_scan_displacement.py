@@ -12,6 +12,7 @@ from wallride.drivers.turning.grid import Motion, Mount
 from wallride.drivers.turning.samples import HeadSamples
 from wallride.drivers.turning.stream import StreamFacts, Turning, TurnStream
 from wallride.runtime.control.perception.scan_displacement import corrected_anew, displacement, patches_of
+from wallride.runtime.control.perception.scan_shift import votes
 
 
 def two_scans(world, way_m, turn_rad, *, noise_m=0.01, seed=1):
@@ -122,3 +123,16 @@ def test_what_a_driver_took_out_of_a_turn_can_be_replaced(mount):
     assert abs(wrong.shift_m) > 0.012
     assert abs(found.shift_m) < 0.004
     assert abs(found.turn_rad) < 0.004
+
+
+@pytest.mark.parametrize("mount", [Mount(), Mount(upside_down=True)])
+def test_a_stored_turn_stands_whatever_was_taken_out_of_it(mount):
+    one, other = (corrected_scan(mount, motion) for motion in (Motion(1.0, 0.1, 0.8), Motion(0.3, 0.0, -0.4)))
+    stands, moves = votes(one, other, (0.3, 0.0, 0.0), 0j, np.array([0.6, 1.0]), np.radians([-8.0, 0.0, 8.0])) or (0, 0)
+    assert stands > 40
+    assert moves < 5
+
+
+def test_a_scan_of_which_no_motion_was_taken_out_has_no_votes():
+    before, after, *_ = two_scans("cluttered", 0.2, 0.0)
+    assert votes(before, after, (0.2, 0.0, 0.0), 0j, np.array([1.0]), np.array([0.0])) is None
