@@ -193,6 +193,11 @@ def test_a_slow_lidar_in_a_corridor_that_tells_the_truth_is_no_doubt_of_the_moto
     assert not {BACKWARDS, WRONG_SCALE, TURNED, HELD_OR_TURNED} & set(done.reasons)
 
 
+def test_what_bends_leave_in_the_scans_of_a_slow_lidar_is_no_doubt_of_the_motor():
+    done = drive_by("c1", "track:seed=5", 881)  # a long straight, which tells no way, and a bend
+    assert not {BACKWARDS, WRONG_SCALE, TURNED, HELD_OR_TURNED} & set(done.reasons)
+
+
 @pytest.mark.parametrize("world", ["dead_end", "loop", "cluttered", "corridor", "doorway", "curved"])
 @pytest.mark.parametrize("yaw_deg", [90.0, -90.0, 60.0])
 @pytest.mark.parametrize("is_configured", [True, False])

@@ -35,6 +35,9 @@ one of two answers that cannot be told apart."""
 SURELY_FARTHER = 100.0
 """The same of a way that is farther than the wheels': a slow lidar's scans are bent by turns of the car, which may look
 like one way too long; a gain that is wrong gives more in one window."""
+CLEARER_OF_SLOW = 60.0
+"""As CLEARER, by which true wheels must fit worse, of a lidar whose driver takes the car's motion out of its scans:
+what is left of it between parallel walls has looked like a standing or an opposite way by 27 and 42."""
 ROLLS_MPS = 2.0
 """Maximum speed at which no car slides sideways: its tightest bend takes less than a grip of 0.45."""
 GRIP_MPS2 = 6.0
@@ -110,6 +113,7 @@ class MotionAgreement:
         self._slipped_s = -math.inf
         self._squares, self._products = np.zeros((4, 4)), np.zeros(4)
         self._windows = 0
+        self._clearer = CLEARER
 
     def learn(self, scan: Scan, motor: MotorState, pose: OdometryState) -> Agreement:
         """Process one scan; UNKNOWN where it ends no window, and while no answer is clear."""
@@ -132,6 +136,7 @@ class MotionAgreement:
         if found is None:
             return Agreement.UNKNOWN
         self._add(found, moved_m)
+        self._clearer = CLEARER if scan.correction is None else CLEARER_OF_SLOW
         return self._answer()
 
     def _slips(self, motor: MotorState) -> bool:
@@ -161,6 +166,8 @@ class MotionAgreement:
         worse = fits - fits.min()
         agrees, stands, opposite, farther, aside = worse
         if farther == 0.0 and agrees < SURELY_FARTHER:
+            return Agreement.UNKNOWN
+        if 0.0 < agrees < self._clearer:
             return Agreement.UNKNOWN
         if np.count_nonzero(worse < CLEARER) == 1:
             return tuple(_ANSWERS)[int(fits.argmin())]
