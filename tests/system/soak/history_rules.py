@@ -103,7 +103,8 @@ class Judge:
             return
         if now_s >= client.fresh_until_s:
             client.released = NEVER
-        if flags == MANUAL and session == self._permitted_to:  # the permit is over before a law's fault ends it
+        ends_it = flags == MANUAL or flags & GOODBYE
+        if ends_it and session == self._permitted_to:  # the permit is over before a law's fault ends it
             self._since[False] = [one for one in self._since[False] if one != self._law or now_s >= one[1]]
         client.sequence, client.flags, client.mark, client.held_until_s = sequence, flags, mark, until_s
         client.fresh_until_s = max(client.fresh_until_s, until_s)
