@@ -116,7 +116,7 @@ class OdometryErrors:
         """Compare a scan with the key; return the pose at the scan, `here`, corrected aside.
 
         lidar_m: place of the lidar in base_link, x + iy. speeds: the reported one [m/s] and the turn [rad/s].
-        0.3 ms once in COMPARED_M, nothing for the scans between.
+        0.4 ms once in COMPARED_M, nothing for the scans between.
         """
         key = self._key
         if key is not None and 0.0 < here.stamp_s - key.at.stamp_s < KEY_S:

@@ -42,13 +42,17 @@ FINE_RAD = math.radians(0.3)
 BLIND_M = 0.1
 """Nearest distance of a sensor up to which beams FINE_RAD apart hit a pole before the car's bumper in every scan."""
 HELD_WITHIN_M = 1.5
-"""Range within which a confirmed thin obstacle is held on to by beams wider apart or blind nearer than that."""
+"""Range within which a confirmed thin obstacle is held: of a lidar whose beams are wider apart than FINE_RAD, or which
+measures nothing nearer than BLIND_M."""
 HELD_WITHOUT = 1
 """Number of scans in a row without a return from it after which it is no longer held."""
 
 
 class ThinObstacles:
-    """Tracks the thin candidates of the last scans, in the odometry frame; with few beams also what was confirmed."""
+    """Tracks the thin candidates of the last scans, in the odometry frame.
+
+    Of a lidar with wide beams, or one that is blind before the bumper, also what was confirmed.
+    """
 
     def __init__(self) -> None:
         self._before: tuple[Places, ...] = ()
@@ -76,7 +80,8 @@ class ThinObstacles:
         """Return what is confirmed now, and what was and still returns, (k,) in base_link.
 
         Nearer than FROM_M nothing is confirmed, because dirt reads as that; but where beams are wide apart, fewer than
-        three hit a pole there, or two and an outlier. Any return from the place of a confirmed one is its return.
+        three hit a pole there, or two and an outlier, and a lidar that is blind there loses half of its returns.
+        Any return from the place of a confirmed one is its return.
         """
         if not self._held_m.size and not confirmed_m.size:
             return NOWHERE  # as in most scans
