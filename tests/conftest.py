@@ -27,7 +27,12 @@ with pytest.MonkeyPatch.context() as at_import:  # in this process only: those t
         pytest_runtest_setup,
         pytest_runtest_teardown,
     )
-    from tests.tiers import pytest_addoption, pytest_ignore_collect  # noqa: F401 - hooks
+    from tests.tiers import (  # noqa: F401 - hooks
+        pytest_addoption,
+        pytest_ignore_collect,
+        pytest_sessionstart,
+        without_slow,
+    )
     from wallride.drivers import accelerated
     from wallride.runtime.control.own_laws import law_class
 
@@ -40,20 +45,22 @@ IN_PYTHON = "runtime/control/", "runtime/kernel/"
 WHOLE_DRIVES = (
     "runtime/control/recovery/", "runtime/control/safety/test_asking.py", "runtime/control/safety/test_bends.py",
     "runtime/control/safety/test_promises.py", "runtime/control/test_laws.py",
-    "runtime/control/wall_following/test_ball.py", "runtime/control/wall_following/test_corridor_width.py",
+    "runtime/control/line_following/test_turning_back.py", "runtime/control/wall_following/test_ball.py",
+    "runtime/control/wall_following/test_corridor_width.py",
     "runtime/control/perception/test_own_parts.py", "runtime/control/perception/test_plausibility.py",
 )  # fmt: skip
 """Among them, those that drive for long: in C, which tests/runtime/kernel holds to the same answers."""
 RERUNS = int(os.environ.get("WALLRIDE_RERUNS", "3"))
 
 
-def pytest_collection_modifyitems(items):
+def pytest_collection_modifyitems(items, config):
     """Mix files that wait with files that compute, and let tests in real time run again.
 
     In the order of their names all that starts processes comes last and starves itself. A full machine can stop a test
     with processes, browsers or emulated devices for a second: `make test` names each test that ran again.
     Tests of algorithms run in virtual time, once.
     """
+    items[:] = without_slow(items, config)
     items.sort(key=lambda item: crc32(item.nodeid.partition("::")[0].encode()))  # the same in each worker
     here = Path(__file__).parent
     for item in items:

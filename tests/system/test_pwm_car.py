@@ -15,6 +15,7 @@ def test_it_follows_the_wall_at_one_metre_a_second_by_its_scans_alone():
     assert moving[:, 1].mean() == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_it_does_so_with_the_slowest_lidar():
     drive = PwmDrive("loop", lidar="x2")
     seen = drive.run(14.0)

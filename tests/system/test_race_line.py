@@ -76,6 +76,7 @@ def aside_m(known, run, since_s):
     return np.abs([known[1].nearest(complex(x_m, y_m)).aside_m for x_m, y_m, _ in run.pose[late]])
 
 
+@pytest.mark.slow
 def test_laps_are_driven_on_the_line(known):
     run, laws = raced(known, duration_s=26.0)
     assert run.contact is None

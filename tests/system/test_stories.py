@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.system.timed_drive import drive_for
+from tests.tiers import slow
 from wallride.clients.decoding import decode
 from wallride.drivers.api import Drive, LinkState
 from wallride.runtime.app import Car
@@ -23,6 +24,7 @@ from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.obstacles import ConstantMotion, person
 
 CORRIDOR = ranges_between_walls(1.0, 1.0)
+LONG = "laps of the loop", "dead end"
 BLOCKED = ranges_between_walls(1.0, 1.0, ahead_m=0.8)
 
 
@@ -278,7 +280,7 @@ def test_the_status_says_what_is_wrong_with_the_window():
 # From here on: a simulated world before the lidar and a simulated car behind the motor, and the default laws.
 
 
-@pytest.mark.parametrize("name", list(STORIES))
+@pytest.mark.parametrize("name", [*(name for name in STORIES if name not in LONG), *slow(*LONG)])
 def test_with_the_default_laws_the_story_ends_as_it_should(name):
     told = tell(STORIES[name])
     assert [what for what, held in STORIES[name].says(told) if not held] == []

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.tiers import slow
 from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.perception import scene_agreement
 from wallride.runtime.control.perception.plausibility import BACKWARDS, HELD_OR_TURNED, TURNED, WRONG_SCALE
@@ -171,13 +172,13 @@ def test_a_slow_lidar_that_measures_again_is_believed_again(monkeypatch):
     assert done.speed_mps[-1, 0] > 0.8
 
 
-@pytest.mark.parametrize("word", ["a1", "x2", "c1"])
-@pytest.mark.parametrize("world", ["corridor", "doorway", "cluttered"])
+@pytest.mark.parametrize("word", ["a1", *slow("x2", "c1")])
+@pytest.mark.parametrize("world", ["corridor", *slow("doorway", "cluttered")])
 def test_a_slow_lidar_that_tells_the_truth_is_never_doubted(word, world):
     assert not NAMED & set(drive_by(word, world, 4).reasons)
 
 
-@pytest.mark.parametrize("world", ["dead_end", "loop", "corridor", "doorway", "cluttered"])
+@pytest.mark.parametrize("world", ["dead_end", "corridor", *slow("loop", "doorway", "cluttered")])
 @pytest.mark.parametrize("speed_mps", [1.0, 3.0])
 def test_a_lidar_that_tells_the_truth_is_never_doubted(world, speed_mps):
     done, _ = tell("noisy", world, f"wall_follow.speed_mps={speed_mps}", from_s=math.inf)
@@ -198,7 +199,7 @@ def test_what_bends_leave_in_the_scans_of_a_slow_lidar_is_no_doubt_of_the_motor(
     assert not {BACKWARDS, WRONG_SCALE, TURNED, HELD_OR_TURNED} & set(done.reasons)
 
 
-@pytest.mark.parametrize("world", ["dead_end", "loop", "cluttered", "corridor", "doorway", "curved"])
+@pytest.mark.parametrize("world", ["dead_end", "curved", *slow("loop", "cluttered", "corridor", "doorway")])
 @pytest.mark.parametrize("yaw_deg", [90.0, -90.0, 60.0])
 @pytest.mark.parametrize("is_configured", [True, False])
 def test_a_lidar_turned_on_the_car_or_in_the_settings_stops_it_for_good_before_a_contact(world, yaw_deg, is_configured):

@@ -261,6 +261,7 @@ def test_a_compiler_that_fails_leaves_nothing_behind(monkeypatch, tmp_path):
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no gcc here")
+@pytest.mark.slow
 def test_the_c_has_no_warnings(tmp_path):
     for name, text in headers(ROOT).items():
         (tmp_path / name).write_text(text)

@@ -170,6 +170,7 @@ BREACHES = {
 """A rule of the oracle, how the car is made to break it, and the fault in which it shows."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", list(BREACHES))
 def test_a_broken_rule_is_found(rule, monkeypatch):
     breach, fault = BREACHES[rule]

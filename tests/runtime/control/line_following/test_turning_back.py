@@ -20,6 +20,7 @@ from wallride.sim.world.place import World
 from wallride.sim.world.pose import Pose
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("turned_rad", "seed"), [(math.pi, 910001), (2.0, 910002), (-1.5, 910003)])
 def test_it_turns_back_and_drives_on_along_the_line(turned_rad, seed):
     room = ring(BOXES)
