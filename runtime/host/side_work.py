@@ -58,10 +58,12 @@ class SideWork:
         return guarded
 
     async def keep(self, name: str, job: Callable[[], Awaitable[object]]) -> Never:
-        """Run a job for ever; after an error it is begun anew."""
+        """Run a job for ever; after an error it is begun anew. Without memory the drive ends, as in `guarded`."""
         while True:
             try:
                 await job()
+            except MemoryError:
+                raise
             except Exception as error:  # noqa: BLE001 - whatever it is, it must not end the drive
                 self.note(name, error)
             await asyncio.sleep(RETRY_AFTER_S)

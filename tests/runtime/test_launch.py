@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -189,6 +190,32 @@ def test_learning_without_memory_ends_the_drive_before_the_interpreter_crashes()
     with pytest.raises(SystemExit), launch.ending_without_memory():
         side_work.guarded("learning", learn)()
     assert side_work.words == ()
+
+
+async def test_a_file_or_telemetry_without_memory_ends_the_drive_in_order_as_well():
+    async def write():
+        raise MemoryError
+
+    with pytest.raises(SystemExit), launch.ending_without_memory():
+        await SideWork(lambda: 0.0).keep("telemetry", write)
+
+
+@pytest.mark.parametrize("files", [(), (Path("my_laws.py"),)])
+def test_threads_of_the_user_leave_the_interpreter_to_the_loop_ten_times_as_soon(files, monkeypatch):
+    taken_s = []
+
+    def begun(*_):
+        raise launch.LaunchError
+
+    monkeypatch.setattr(launch, "keep_for_this_thread", lambda: "")
+    monkeypatch.setattr(launch, "loaded_files", lambda: files)
+    monkeypatch.setattr(launch, "loaded_driver_files", lambda: ())
+    monkeypatch.setattr(launch, "journal", begun)
+    monkeypatch.setattr("numpy.setbufsize", lambda _numbers: None)
+    monkeypatch.setattr(sys, "setswitchinterval", taken_s.append)
+    with pytest.raises(launch.LaunchError):
+        launch.main(Settings(), launch.Files(), launch.Sessions({}), ())
+    assert taken_s == [sys.getswitchinterval() / 10] * len(files)
 
 
 def test_code_of_the_user_cannot_replace_the_handler_of_a_signal_that_stops():

@@ -91,10 +91,21 @@ def test_a_lidar_that_is_turned_in_the_drive_stops_the_car(kind, world):
 
 
 @pytest.mark.parametrize("method", ["swept", "report"])
-@pytest.mark.parametrize("kind", ["noisy", "flickering", "looped", "far_ahead", "far", "nine"])
-def test_a_lidar_that_stops_telling_the_truth_is_named_and_the_car_stands_within_half_a_metre(kind, method):
+@pytest.mark.parametrize(
+    ("kind", "named"),
+    [
+        ("noisy", {scene_agreement.STANDS}),
+        ("flickering", {scene_agreement.REPEATED, scene_agreement.STANDS}),
+        ("looped", {scene_agreement.REPEATED}),
+        ("far_ahead", {scene_agreement.VANISHED}),
+        ("far", {scene_agreement.VANISHED}),
+        ("nine", {scene_agreement.VANISHED}),
+    ],
+)
+def test_a_lidar_that_stops_telling_the_truth_is_named_and_the_car_stands_within_half_a_metre(kind, named, method):
     done, way_m = tell(kind, "loop", f"safety.method={method}")
     assert done.contact is None
+    assert NAMED & set(done.reasons) == named
     assert way_m < STOPS_WITHIN_M
     assert abs(done.speed_mps[-1, 0]) < 0.05
 

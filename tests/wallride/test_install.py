@@ -332,6 +332,15 @@ def test_where_the_version_in_use_is_gone_an_installation_makes_a_new_one_and_ke
     assert in_use(place) == "20261123-000001"
 
 
+def test_where_the_version_in_use_is_gone_a_new_one_that_does_not_start_stays(place):
+    """It is all that there is: a way back would be a link to nothing."""
+    updated(place, 1)
+    shutil.rmtree(place / "root/opt/wallride-versions/20261123-000001")
+    failed = served(place, "--yes", "--no-service", bad="000002")
+    assert (failed.returncode, "no version before this one to go back to" in failed.stdout) == (3, True), failed
+    assert (in_use(place), versions(place)) == ("20261123-000002", ["20261123-000002"])
+
+
 def test_an_update_cut_off_between_its_links_leaves_a_way_back(place):
     updated(place, 2)
     before = place / "root/opt/wallride-versions/before"

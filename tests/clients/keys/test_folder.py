@@ -158,6 +158,34 @@ def test_a_folder_of_another_user_or_behind_their_link_is_refused(folder, tmp_pa
             KeyFolder(tmp_path / "link").revoke("alice", NOW.date())
 
 
+def test_a_folder_that_is_exchanged_after_the_look_at_it_is_not_written_into(folder, tmp_path, monkeypatch):
+    folder.add(ALICE, tmp_path / "alice", NOW, 30, renew=False)
+    elsewhere = tmp_path / "elsewhere"
+
+    def look_too_early(path):
+        if not path.is_symlink():
+            path.rename(elsewhere)
+            path.symlink_to(elsewhere)
+        return []
+
+    monkeypatch.setattr("wallride.clients.keys.folder.open_to_others", look_too_early)
+    before = {path.name: path.read_bytes() for path in folder.path.iterdir()}
+    for write in tries(folder, tmp_path):
+        with pytest.raises(OSError, match=r"Not a directory|symbolic links"):
+            write()
+    elsewhere.rename(folder.path.with_name("theirs"))
+    folder.path.unlink()
+    folder.path.with_name("theirs").rename(folder.path)
+    monkeypatch.setattr("wallride.clients.keys.folder.open_to_others", lambda _: [])
+    monkeypatch.setattr(os, "geteuid", lambda: 4242)  # another user's, by its descriptor
+    if folder.path.stat().st_uid == 0:
+        os.chown(folder.path, 4243, -1)
+    for write in tries(folder, tmp_path):
+        with pytest.raises(KeysError, match="another user put a folder of their own there"):
+            write()
+    assert {path.name: path.read_bytes() for path in folder.path.iterdir()} == before
+
+
 def test_the_cars_key_is_given_to_the_service_before_it_has_its_name(tmp_path, monkeypatch):
     given = []
     monkeypatch.setattr("wallride.clients.keys.folder._service_group", lambda: 77)
