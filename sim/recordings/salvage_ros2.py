@@ -10,13 +10,12 @@ from wallride.sim.recordings.salvage import RawMessage
 
 
 def check_tables(path: Path) -> None:
-    """Refuse a .db3 whose messages or topics are no tables: a view can be without an end; RecordingError."""
+    """Refuse a .db3 with a view, which can be without an end, and whose name may have any case; RecordingError."""
     for file in path.glob("*.db3") if path.is_dir() else [path] if path.suffix == ".db3" else []:
         with closing(sqlite3.connect(_location(file), uri=True)) as database, suppress(sqlite3.DatabaseError):
             database.execute("PRAGMA writable_schema=ON")
-            kinds = database.execute("SELECT name, type FROM sqlite_master WHERE name IN ('messages', 'topics')")
-            if views := [name for name, kind in kinds if kind != "table"]:
-                raise RecordingError(f"{file}: {views[0]} is a view, not a table as ROS writes it: fetch it again.")
+            for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'view'"):
+                raise RecordingError(f"{file}: {name} is a view, not a table as ROS writes it: fetch it again.")
 
 
 def _location(path: Path) -> str:

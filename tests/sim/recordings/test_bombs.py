@@ -90,7 +90,7 @@ def test_a_reader_that_takes_all_memory_is_stopped(tmp_path: Path, monkeypatch: 
     bytearray(1 << 30)  # the bound holds while a file is read
 
 
-@pytest.mark.parametrize("name", ["messages", "topics"])
+@pytest.mark.parametrize("name", ["messages", "topics", "MESSAGES"])
 def test_a_view_in_place_of_a_table_is_refused(ros2: Any, ros2_story: Any, tmp_path: Path, name: str) -> None:
     (path,) = ros2.write(tmp_path / "r", ros2_story).glob("*.db3")
     with sqlite3.connect(path) as database:

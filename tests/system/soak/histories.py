@@ -165,7 +165,7 @@ class History:
 
     def _hear(self, payload: bytes) -> None:
         beat = read_beat(payload)
-        self.judge.beat(beat.beat, beat.operator_session if beat.flags & CarCondition.PERMITTED else 0)
+        self.judge.beat(beat.beat, beat.operator_session, permitted=bool(beat.flags & CarCondition.PERMITTED))
         for sender in (*self.operators, *self.planners):
             sender.hear(beat)
 

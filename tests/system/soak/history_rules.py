@@ -76,6 +76,7 @@ class Judge:
         self._clients: dict[int, Client] = {}
         self._slots = {name: Slot() for name in planners}
         self._in_force = False
+        self._operator: Client | None = None
         self._permitted_to = 0
         self._number = 0
         self._latched: dict[str, tuple[int, float]] = {}
@@ -86,10 +87,11 @@ class Judge:
 
     # What reaches the car.
 
-    def beat(self, number: int, permitted_to: int) -> None:
-        """Note a heartbeat of the car. permitted_to: the operator's session where it says that autonomy may move."""
+    def beat(self, number: int, operator: int, *, permitted: bool) -> None:
+        """Note a heartbeat of the car. operator: its session. permitted: whether autonomy may move."""
         self._beats[number] = self._tell()
-        self._permitted_to = permitted_to
+        self._operator = self._clients.get(operator)
+        self._permitted_to = operator if permitted else 0
 
     def pressed(self, session: int, sequence: int, beat: int, flags: int, mark: float) -> None:
         """Note an operator's command that arrives."""
@@ -121,9 +123,15 @@ class Judge:
             client.released = NEVER
         elif flags & TAKE_OVER:
             self._incident("take-over", now_s, by_hand=True)
-        elif flags not in {MANUAL, AUTONOMY}:
+            self._operator = client
+        elif flags not in {MANUAL, AUTONOMY} or self._is_bystander(client, now_s):
             client.released = NEVER
             client.over = bool(flags & GOODBYE)
+
+    def _is_bystander(self, client: Client, now_s: float) -> bool:
+        """Tell whether another one operates: what is pressed meanwhile moves nothing when that one leaves."""
+        other = self._operator
+        return other is not None and other is not client and not other.over and now_s < other.fresh_until_s
 
     def planned(self, name: str, session: int, sequence: int, beat: int, flags: int, mark: float) -> None:
         """Note a planner's command that arrives, on its key."""

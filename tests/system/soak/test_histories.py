@@ -6,7 +6,7 @@ The 20,000 are `python -m benchmarks.histories`.
 import pytest
 
 from tests.system.soak.histories import EVENTS, PLANNERS, tell
-from tests.system.soak.history_rules import AUTONOMY, MANUAL, Judge, Moved
+from tests.system.soak.history_rules import AUTONOMY, GOODBYE, MANUAL, Judge, Moved
 from wallride.runtime.arbitration.command import consent
 from wallride.runtime.arbitration.emergency_stop import EmergencyStop
 from wallride.runtime.control.own_laws.runner import LawRunner
@@ -35,8 +35,8 @@ def test_a_new_permit_after_a_planners_loss_gives_the_car_to_the_next_planner_in
 
 
 def test_what_a_stalled_process_has_not_seen_and_a_law_whose_permit_is_over_break_no_rule():
-    """Faults just before a stall of 0.1 s, and a law that raised just before the operator took the car by hand."""
-    found = tell([202159, 212564, 216455, 207085, 209405])
+    """Faults just before a stall of 0.1 s, and a law that raised just before its operator drove by hand, or left."""
+    found = tell([202159, 212564, 216455, 207085, 209405, 79001164])
     assert found.violations == {}, found.kept
 
 
@@ -84,7 +84,7 @@ class Told:
         self.now_s = 0.0
         self.judge = Judge(lambda: self.now_s, PLANNERS)
         self.judge.scan_s = 0.0
-        self.judge.beat(1, 5)
+        self.judge.beat(1, 5, permitted=True)
         self.judge.pressed(5, 1, 1, 0, 0.0)
         self.judge.pressed(5, 2, 1, AUTONOMY, 0.0)
 
@@ -104,12 +104,28 @@ def test_only_the_most_urgent_planner_in_force_may_drive():
     assert "the follower drives although a planner has the car" in told.moves("navigation")
 
 
+@pytest.mark.parametrize("raised", [False, True])
+def test_what_was_pressed_while_another_operated_moves_nothing_when_that_one_leaves(raised):
+    told = Told()
+    told.judge.beat(2, 5, permitted=True)
+    for sequence, flags in ((1, 0), (2, AUTONOMY)):
+        told.judge.pressed(6, sequence, 2, flags, 0.0)
+    if raised:
+        told.judge.law_raised()
+    told.judge.pressed(5, 3, 2, GOODBYE, 0.0)
+    told.now_s = 0.1
+    assert told.moves("planner")[PERMIT] == 1
+    for sequence, flags in ((3, 0), (4, AUTONOMY)):
+        told.judge.pressed(6, sequence, 2, flags, 0.0)
+    assert told.moves("planner")[PERMIT] == 1
+
+
 def test_a_planner_that_falls_silent_ends_the_permit_and_one_that_leaves_does_not():
     for leaves in (True, False):
         told = Told()
         told.judge.planned("beta", 11, 1, 1, MANUAL, 0.2)
         told.now_s = 0.1
-        told.judge.beat(2, 5)
+        told.judge.beat(2, 5, permitted=True)
         told.judge.pressed(5, 3, 2, AUTONOMY, 0.0)
         if leaves:
             told.judge.planned("beta", 11, 2, 1, 32, 0.0)
