@@ -36,6 +36,7 @@ CORRIDOR: Final = ranges_between_walls(1.0, 1.0)
 PLANNERS: Final = ("alpha", "beta", ROS2_PLANNER)
 LAW: Final = "random_history:Law"
 SURELY_LOST_S: Final = 0.2
+"""Time that the process must have had to see a change of a device: four health ticks."""
 SHARES: Final = (0.75, 0.16, 0.06, 0.03)
 """Share of the steps at which nothing happens, one thing, two, three."""
 
@@ -114,6 +115,7 @@ class History:
         self.events: Counter[str] = Counter()
         self._marks = 0
         self._away: dict[str, float] = {}
+        self._seen_s = SURELY_LOST_S
         self.ros_on, self._ros_since_s, self._ros_s, self._ros_sequence = False, 0.0, -10.0, 0
         self.operators = [Sender("ann", 1), Sender("bob", 2)]
         self.planners = [Sender("alpha", 11), Sender("beta", 12)]
@@ -274,7 +276,7 @@ class History:
 
     def toggle(self, device: str) -> None:
         """Unplug a device, or put it back."""
-        if self.clock() < SURELY_LOST_S:
+        if self.clock() < self._seen_s:
             return  # it is not lost before the car has seen it
         if device not in self._away:
             self._away[device] = self.clock()
@@ -301,6 +303,8 @@ class History:
     def stall(self) -> None:
         """Keep the process from doing anything for a time."""
         seconds = self.rng.choice([0.03, 0.1, 0.19, 0.25, 0.6])
+        if self.clock() < self._seen_s:
+            self._seen_s += seconds
         self.loop._jumping.now_s += seconds
         self.judge.stalled(seconds)
 

@@ -35,8 +35,9 @@ def test_a_new_permit_after_a_planners_loss_gives_the_car_to_the_next_planner_in
 
 
 def test_what_a_stalled_process_has_not_seen_and_a_law_whose_permit_is_over_break_no_rule():
-    """Faults just before a stall of 0.1 s, and a law that raised just before its operator drove by hand, or left."""
-    found = tell([202159, 212564, 216455, 207085, 209405, 79001164])
+    """Faults just before a stall of 0.1 s, a law that raised just before its operator drove by hand, or left, and
+    devices that were gone before the process, stalled at its start, had seen them at all."""
+    found = tell([202159, 212564, 216455, 207085, 209405, 79001164, 114001660, 114015605])
     assert found.violations == {}, found.kept
 
 
