@@ -65,6 +65,12 @@ class Untrue:
     def _nine(self, _, noise_mm):
         return 9_000 + noise_mm
 
+    def _random_ahead(self, reported_mm, _):
+        return np.where(np.abs(BEARINGS_RAD) < math.pi / 4, self._random(reported_mm, None), reported_mm)
+
+    def _random(self, _, __):
+        return np.random.default_rng(self.late).integers(4_000, 29_000, BEAMS)
+
     def _knocked_left(self, reported_mm, _):
         return np.roll(reported_mm, -360)
 
@@ -100,6 +106,8 @@ def test_a_lidar_that_is_turned_in_the_drive_stops_the_car(kind, world):
         ("far_ahead", {scene_agreement.VANISHED}),
         ("far", {scene_agreement.VANISHED}),
         ("nine", {scene_agreement.VANISHED}),
+        ("random", {scene_agreement.VANISHED}),
+        ("random_ahead", {scene_agreement.VANISHED}),
     ],
 )
 def test_a_lidar_that_stops_telling_the_truth_is_named_and_the_car_stands_within_half_a_metre(kind, named, method):

@@ -4,7 +4,8 @@ Each CHECKS_EVERY_M a scan is compared with one that was taken BASE_M before:
 
 * A scene that agreed with the wheels within the last AGREED_WITHIN_M, and now stands although they turn, is an old one.
 * Walls that were near ahead do not vanish while the car approaches them, with one and the same far range in their
-  place: that is no view. (People who step aside leave a view of many ranges.)
+  place, or with ranges of which no two neighbours belong together: that is no view. (People who step aside leave a view
+  of many ranges.)
 
 And a scan that was seen before, to the bit, somewhere else, is played again. What stands from the first metre on is no
 fault here: a car on a stand looks the same.
@@ -60,8 +61,9 @@ ENOUGH_SHARE = 0.22
 lidar."""
 FARTHER_M, FARTHER_SHARE = 0.5, 1.1
 VANISHED_SHARE = 0.6
-BLANK_SPREAD_M, BLANK_BEYOND_M = 0.5, 25.0
-"""Maximum spread of the ranges, or their minimum, where they are no view."""
+BLANK_SPREAD_M, BLANK_BEYOND_M, BLANK_STEP_M = 0.5, 25.0, 2.0
+"""Maximum spread of the ranges, their minimum, or the minimum of the median step between neighbours, where they are no
+view."""
 BACK_SHARE, BACK_M = 0.5, 0.3
 """Share of what had vanished that is there again, and how near to its place, where the view is trusted again."""
 LIVE_M = 0.1
@@ -198,7 +200,7 @@ class SceneAgreement:
     def _await_the_truth(self, now: _Kept) -> None:
         """End the doubt where what was there is there again, or where the car stands and its view has changed."""
         before, covered = self._before, self._covered
-        if before is None or covered is None:
+        if before is None or covered is None or _is_loose(now.scan.ranges_m[sector(now.scan, -AHEAD_RAD, AHEAD_RAD)]):
             return
         if covered.correction is not None and not self._stood_since_s < now.scan.stamp_s:  # NaN is not smaller
             self._covered = now.scan  # the first at rest: another motion is taken out of turns in the drive
@@ -226,7 +228,13 @@ def _has_vanished(base: _Kept, now: _Kept, lidar_m: complex) -> bool:
 
 def _is_blank(ranges_m: Floats) -> bool:
     low_m, high_m = np.percentile(ranges_m, (10, 90))
-    return bool(high_m - low_m < BLANK_SPREAD_M or low_m > BLANK_BEYOND_M)
+    return bool(high_m - low_m < BLANK_SPREAD_M or low_m > BLANK_BEYOND_M) or _is_loose(ranges_m)
+
+
+def _is_loose(ranges_m: Floats) -> bool:
+    """Return whether no two neighbours among these ranges, NaN where there is none, belong together."""
+    steps_m = np.abs(np.diff(ranges_m[np.isfinite(ranges_m)]))
+    return bool(steps_m.size > 0 and np.median(steps_m) > BLANK_STEP_M)
 
 
 def _back_share(base: _Kept, now: _Kept, lidar_m: complex) -> float:

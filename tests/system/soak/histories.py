@@ -35,8 +35,7 @@ STEPS: Final = (150, 350)
 CORRIDOR: Final = ranges_between_walls(1.0, 1.0)
 PLANNERS: Final = ("alpha", "beta", ROS2_PLANNER)
 LAW: Final = "random_history:Law"
-SURELY_LOST_S: Final = 0.2
-"""Time that the process must have had to see a change of a device: four health ticks."""
+SURELY_LOST_S: Final = 0.2  # in which the process sees a change of a device: four health ticks
 SHARES: Final = (0.75, 0.16, 0.06, 0.03)
 """Share of the steps at which nothing happens, one thing, two, three."""
 
