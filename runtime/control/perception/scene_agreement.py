@@ -18,8 +18,10 @@ each point that fits one of the two, standing or moving, and not the other, has 
 import math
 from collections import OrderedDict, deque
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from wallride.drivers.api import Scan
 from wallride.runtime.control.perception.geometry import Floats, points_m, sector
@@ -231,7 +233,7 @@ def _is_blank(ranges_m: Floats) -> bool:
     return bool(high_m - low_m < BLANK_SPREAD_M or low_m > BLANK_BEYOND_M) or _is_loose(ranges_m)
 
 
-def _is_loose(ranges_m: Floats) -> bool:
+def _is_loose(ranges_m: npt.NDArray[np.floating[Any]]) -> bool:
     """Return whether no two neighbours among these ranges, NaN where there is none, belong together."""
     steps_m = np.abs(np.diff(ranges_m[np.isfinite(ranges_m)]))
     return bool(steps_m.size > 0 and np.median(steps_m) > BLANK_STEP_M)
