@@ -9,7 +9,7 @@ from wallride.runtime.control.perception.geometry import bearings_rad, direction
 from wallride.sim.mapping.closing import laid_over
 from wallride.sim.mapping.keyframes import in_one_moment, keyframes
 from wallride.sim.mapping.lap_record import LapRecord
-from wallride.sim.mapping.odometry_path import LearntCar, LidarPath, odometry_path
+from wallride.sim.mapping.odometry_path import LearntCar, LidarPath, gyro_bias_radps, odometry_path
 from wallride.sim.mapping.pose_graph import Origin, between
 from wallride.sim.world.worlds import load_world
 
@@ -74,6 +74,15 @@ def test_a_gyro_with_a_bias_gives_the_circle_that_wrong_steering_hides():
     end = np.array([2.0 * math.sin(yaw_rad), 2.0 * (1.0 - math.cos(yaw_rad)), yaw_rad])
     assert path.at(time_s[-1:])[0] == pytest.approx(end, abs=0.03)
     assert between(path.poses[0], path.poses[50]) == pytest.approx(np.zeros(3), abs=1e-3)
+
+
+def test_wheels_that_lock_in_a_bend_do_not_count_as_a_standing_gyro():
+    time_s = np.arange(0.0, 10.0, 0.02)
+    stands, locks = time_s < 2.0, (time_s > 5.0) & (time_s < 5.5)
+    reports = np.column_stack([time_s, time_s, np.where(stands | locks, 0.0, 3.0), np.zeros(time_s.size)])
+    gyro = np.column_stack([time_s, np.where(stands, 0.01, 1.21)])
+    record = LapRecord("bend", KIND, 0.0, time_s, np.zeros((time_s.size, 1), np.float32), reports, gyro)
+    assert gyro_bias_radps(record) == pytest.approx(0.01)
 
 
 def test_a_car_slides_on_while_a_full_brake_locks_its_wheels():
