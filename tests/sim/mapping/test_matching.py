@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wallride.runtime.control.perception.geometry import bearings_rad, directions
-from wallride.sim.mapping.closing import laid_over
+from wallride.sim.mapping.closing import close_lap, laid_over
 from wallride.sim.mapping.keyframes import in_one_moment, keyframes
 from wallride.sim.mapping.lap_record import LapRecord
 from wallride.sim.mapping.odometry_path import LearntCar, LidarPath, gyro_bias_radps, odometry_path
@@ -49,6 +49,20 @@ def test_a_corner_determines_all_directions():
 def test_places_that_do_not_look_alike_have_no_edge():
     here, there = frames_along("loop")[0], frames_along("u_turn", at_m=4.0)[0]
     assert laid_over([here, there], 0, 1, np.zeros(3), KIND, Origin.LOOP) is None
+
+
+def test_a_place_after_a_blind_one_is_laid_over_one_before_that():
+    """Of seven places 0.3 m apart the fourth has no points: it fits none, and the fifth does not fit it."""
+    world, rng, time_s = load_world("loop"), np.random.default_rng(0), np.arange(7.0)
+    bearings = np.array(bearings_rad(*KIND))
+    ranges_m = np.array([world.cast(x_m, 0.0, bearings) for x_m in STEP_M * time_s])
+    ranges_m += rng.normal(0.0, 0.01, ranges_m.shape)
+    ranges_m[3] = np.nan
+    reports = np.column_stack([time_s, STEP_M * time_s, np.full(7, STEP_M), np.zeros(7)])
+    lap = close_lap(LapRecord("blind", KIND, 0.0, time_s, ranges_m.astype(np.float32), reports))
+    matched = {edge.after for edge in lap.edges if edge.origin is Origin.NEIGHBOUR}
+    assert matched == {1, 2, 4, 5, 6}
+    assert lap.poses[-1, 0] == pytest.approx(6 * STEP_M, abs=0.02)
 
 
 def test_points_are_put_where_a_standing_lidar_sees_them():
