@@ -126,7 +126,7 @@ def laid_over(
         shift, information = guess + strong @ (shift - guess), strong @ information @ strong
     information = information / POINT_STD_M**2
     if not loop:
-        information = np.linalg.solve(np.eye(3) + information * np.square(MATCH_STD), information)
+        information = np.linalg.solve(np.eye(3) + information * np.square(MATCH_STD), information).astype(np.float64)
     return Edge(before, after, shift, information, origin, full, determined, count / seen, residual_m)
 
 
@@ -179,7 +179,8 @@ def _chained(record: LapRecord, path: LidarPath, backs: Sequence[int]) -> tuple[
     for number in range(1, len(frames)):
         told = _odometry(frames, number, record)
         edges.append(told)
-        found, pose = [], placed(poses[-1], told.shift)
+        found: list[Edge] = []
+        pose = placed(poses[-1], told.shift)
         for back in (*backs, *NEARER):
             if back > number or (found and back in NEARER):
                 continue
