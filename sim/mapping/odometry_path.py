@@ -25,12 +25,14 @@ class LearntCar:
 
     scale: true way over the reported one. trim_rad: true steering less the reported one. slip_s2pm: the rear axle moves
     aside by -slip v^2 yaw rate; 0.023 at a friction of 0.8, 0.037 at 0.5. gyro_scale: true turn over the gyro's.
+    bias_radps: of the gyro, beyond what it had while the wheels stood.
     """
 
     scale: float = 1.0
     trim_rad: float = 0.0
     slip_s2pm: float = SLIP_S2PM
     gyro_scale: float = 1.0
+    bias_radps: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,16 +88,16 @@ def of_the_axle(poses: Floats, lidar_m: complex) -> Floats:
 
 
 def gyro_bias_radps(record: LapRecord) -> float:
-    """Return the mean rate of the gyro while the wheels stand; 0 where they hardly do."""
+    """Return the gyro's median rate while the wheels stand (or lock, for a moment); 0 where they hardly do."""
     speed_mps = np.interp(record.gyro[:, 0], record.reports[:, 0], np.abs(record.reports[:, 2]))
     standing = record.gyro[speed_mps < STANDS_MPS, 1]
-    return float(np.mean(standing)) if len(standing) >= MIN_STANDING else 0.0
+    return float(np.median(standing)) if len(standing) >= MIN_STANDING else 0.0
 
 
 def _turns_rad(record: LapRecord, car: LearntCar, step_m: Floats, steering_rad: Floats) -> Floats:
     if len(record.gyro) < 2:
         return step_m * np.tan(steering_rad + car.trim_rad) / record.wheelbase_m
-    time_s, rate_radps = record.gyro[:, 0], record.gyro[:, 1] - gyro_bias_radps(record)
+    time_s, rate_radps = record.gyro[:, 0], record.gyro[:, 1] - gyro_bias_radps(record) - car.bias_radps
     angle_rad = np.concatenate([[0.0], np.cumsum(_middles(rate_radps) * np.diff(time_s))])
     turns_rad: Floats = car.gyro_scale * np.diff(np.interp(record.reports[:, 0], time_s, angle_rad))
     return turns_rad

@@ -5,7 +5,7 @@ Gauss-Newton on the sparse normal equations; matched edges that contradict all o
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
@@ -15,6 +15,10 @@ from scipy.sparse.linalg import splu
 
 from wallride.sim.world.pose import Floats
 
+ERRORS: Final = 4
+ERROR_STD: Final = (0.05, 0.02, 0.02, 0.01)
+"""Number of a car's errors that are unknown with the poses, and what they may be: scale of the wheels, slip [s2/m],
+scale of the gyro, and its bias [rad/s], or the bend of the way [rad/m] by the steering's trim."""
 ROUNDS: Final = 16
 ENOUGH_M: Final = 1e-5
 DOUBTED_CHI2: Final = 10.0
@@ -48,6 +52,7 @@ class Edge:
     determined: float = 1.0
     share: float = 1.0
     residual_m: float = 0.0
+    by_errors: Floats = field(default_factory=lambda: np.zeros((3, ERRORS)))
 
 
 def between(before: Floats, after: Floats) -> Floats:
@@ -66,46 +71,64 @@ def placed(at: Floats, shift: Floats) -> Floats:
     )
 
 
-def optimized(poses: Floats, edges: Sequence[Edge]) -> tuple[Floats, Floats]:
-    """Return the poses (n, 3) that fit the edges best, the first kept, and the chi2 of each edge."""
-    before, after = np.array([edge.before for edge in edges]), np.array([edge.after for edge in edges])
-    shifts, information = np.array([edge.shift for edge in edges]), np.array([edge.information for edge in edges])
-    matched = np.array([edge.origin is not Origin.ODOMETRY for edge in edges])
-    poses = poses.copy()
+def optimized(poses: Floats, edges: Sequence[Edge]) -> tuple[Floats, Floats, Floats]:
+    """Return the poses (n, 3) that fit the edges best, the first kept, the chi2 of each edge, and the errors (ERRORS,).
+
+    The errors of a car are unknown with the poses, and not learnt from those found with wrong ones: these would be
+    pulled toward them.
+    """
+    graph = _Graph(edges)
+    poses, car = poses.copy(), np.zeros(ERRORS)
     doubted = FIRST_DOUBTED_CHI2
     for _ in range(ROUNDS):
-        errors, chi2 = _errors(poses, before, after, shifts, information)
-        trust = np.where(matched, (doubted / (doubted + chi2)) ** 2, 1.0)
-        step = _step(poses, before, after, errors, information * trust[:, None, None])
-        poses += step
+        errors, chi2 = graph.errors(poses, car)
+        trust = np.where(graph.matched, (doubted / (doubted + chi2)) ** 2, 1.0)
+        step, learnt = graph.step(poses, car, errors, trust)
+        poses, car = poses + step, car + learnt
         if doubted == DOUBTED_CHI2 and np.abs(step).max() < ENOUGH_M:
             break
         doubted = max(DOUBTED_CHI2, 0.1 * doubted)
-    return poses, _errors(poses, before, after, shifts, information)[1]
+    return poses, graph.errors(poses, car)[1], car
 
 
-def _errors(
-    poses: Floats, before: np.ndarray, after: np.ndarray, shifts: Floats, information: Floats
-) -> tuple[Floats, Floats]:
-    errors = between(poses[before], poses[after]) - shifts
-    errors[:, 2] = np.angle(np.exp(1j * errors[:, 2]))
-    return errors, np.einsum("ei,eij,ej->e", errors, information, errors)
+class _Graph:
+    """The edges as arrays, each (edges, ...)."""
 
+    def __init__(self, edges: Sequence[Edge]) -> None:
+        self._before, self._after = np.array([(edge.before, edge.after) for edge in edges]).T
+        self._shifts = np.array([edge.shift for edge in edges])
+        self._information = np.array([edge.information for edge in edges])
+        self._by_errors = np.array([edge.by_errors for edge in edges])
+        self.matched = np.array([edge.origin is not Origin.ODOMETRY for edge in edges])
 
-def _step(poses: Floats, before: np.ndarray, after: np.ndarray, errors: Floats, information: Floats) -> Floats:
-    """Return the change of the poses, (n, 3), of one Gauss-Newton step."""
-    count, cos, sin = len(before), np.cos(poses[before, 2]), np.sin(poses[before, 2])
-    there = between(poses[before], poses[after])
-    zero, one = np.zeros(count), np.ones(count)
-    by_after = np.array([[cos, sin, zero], [-sin, cos, zero], [zero, zero, one]])
-    by_before = np.array([[-cos, -sin, there[:, 1]], [sin, -cos, -there[:, 0]], [zero, zero, -one]])
-    slopes = np.concatenate([by_before, by_after], axis=1).transpose(2, 0, 1)  # (edges, 3, 6)
-    blocks = np.einsum("eki,ekl,elj->eij", slopes, information, slopes)
-    pulls = np.einsum("eki,ekl,el->ei", slopes, information, errors)
-    index = np.concatenate([3 * before[:, None] + np.arange(3), 3 * after[:, None] + np.arange(3)], axis=1)
-    size = 3 * len(poses)
-    rows, columns = np.repeat(index, 6, axis=1).ravel(), np.tile(index, (1, 6)).ravel()
-    matrix = sparse.csc_matrix((blocks.ravel(), (rows, columns)), shape=(size, size))[3:, 3:]
-    pull = np.bincount(index.ravel(), pulls.ravel(), size)[3:]
-    moved = splu(sparse.csc_matrix(matrix)).solve(-pull)
-    return np.concatenate([np.zeros(3), moved]).reshape(-1, 3)
+    def errors(self, poses: Floats, car: Floats) -> tuple[Floats, Floats]:
+        """Return what the edges are off by, (edges, 3), and the chi2 of each."""
+        errors = between(poses[self._before], poses[self._after]) - self._shifts - self._by_errors @ car
+        errors[:, 2] = np.angle(np.exp(1j * errors[:, 2]))
+        return errors, np.einsum("ei,eij,ej->e", errors, self._information, errors)
+
+    def step(self, poses: Floats, car: Floats, errors: Floats, trust: Floats) -> tuple[Floats, Floats]:
+        """Return the change of the poses, (n, 3), and of the car's errors in one Gauss-Newton step."""
+        before, after = self._before, self._after
+        count, cos, sin = len(before), np.cos(poses[before, 2]), np.sin(poses[before, 2])
+        there = between(poses[before], poses[after])
+        zero, one = np.zeros(count), np.ones(count)
+        by_after = np.array([[cos, sin, zero], [-sin, cos, zero], [zero, zero, one]])
+        by_before = np.array([[-cos, -sin, there[:, 1]], [sin, -cos, -there[:, 0]], [zero, zero, -one]])
+        slopes = np.concatenate([by_before, by_after, -self._by_errors.transpose(1, 2, 0)], axis=1).transpose(2, 0, 1)
+        information = self._information * trust[:, None, None]
+        blocks = np.einsum("eki,ekl,elj->eij", slopes, information, slopes)
+        pulls = np.einsum("eki,ekl,el->ei", slopes, information, errors)
+        first = 3 * len(poses)
+        of_car = np.tile(first + np.arange(ERRORS)[:, None], count)
+        index = np.concatenate([3 * before + np.arange(3)[:, None], 3 * after + np.arange(3)[:, None], of_car]).T
+        size = first + ERRORS
+        rows, columns = np.repeat(index, index.shape[1], axis=1).ravel(), np.tile(index, (1, index.shape[1])).ravel()
+        known = sparse.diags(np.concatenate([np.zeros(first), np.array(ERROR_STD) ** -2]))
+        matrix = sparse.csc_matrix((blocks.ravel(), (rows, columns)), shape=(size, size)) + known
+        pull = np.bincount(index.ravel(), pulls.ravel(), size) + known @ np.concatenate([np.zeros(first), car])
+        # In a quarter of the time of the general order, which the dense columns of the car's errors disturb.
+        symmetric = {"SymmetricMode": True}
+        factors = splu(sparse.csc_matrix(matrix[3:, 3:]), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
+        moved = factors.solve(-pull[3:])
+        return np.concatenate([np.zeros(3), moved[:-ERRORS]]).reshape(-1, 3), moved[-ERRORS:]

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from wallride.runtime.control.perception.geometry import bearings_rad, directions
-from wallride.sim.mapping.closing import laid_over
+from wallride.sim.mapping.closing import close_lap, laid_over
 from wallride.sim.mapping.keyframes import in_one_moment, keyframes
 from wallride.sim.mapping.lap_record import LapRecord
-from wallride.sim.mapping.odometry_path import LearntCar, LidarPath, odometry_path
+from wallride.sim.mapping.odometry_path import LearntCar, LidarPath, gyro_bias_radps, odometry_path
 from wallride.sim.mapping.pose_graph import Origin, between
 from wallride.sim.world.worlds import load_world
 
@@ -51,6 +51,20 @@ def test_places_that_do_not_look_alike_have_no_edge():
     assert laid_over([here, there], 0, 1, np.zeros(3), KIND, Origin.LOOP) is None
 
 
+def test_a_place_after_a_blind_one_is_laid_over_one_before_that():
+    """Of seven places 0.3 m apart the fourth has no points: it fits none, and the fifth does not fit it."""
+    world, rng, time_s = load_world("loop"), np.random.default_rng(0), np.arange(7.0)
+    bearings = np.array(bearings_rad(*KIND))
+    ranges_m = np.array([world.cast(x_m, 0.0, bearings) for x_m in STEP_M * time_s])
+    ranges_m += rng.normal(0.0, 0.01, ranges_m.shape)
+    ranges_m[3] = np.nan
+    reports = np.column_stack([time_s, STEP_M * time_s, np.full(7, STEP_M), np.zeros(7)])
+    lap = close_lap(LapRecord("blind", KIND, 0.0, time_s, ranges_m.astype(np.float32), reports))
+    matched = {edge.after for edge in lap.edges if edge.origin is Origin.NEIGHBOUR}
+    assert matched == {1, 2, 4, 5, 6}
+    assert lap.poses[-1, 0] == pytest.approx(6 * STEP_M, abs=0.02)
+
+
 def test_points_are_put_where_a_standing_lidar_sees_them():
     """A wall 2 m ahead, seen while the lidar drives at it and turns: each beam from a pose of its own."""
     share = np.linspace(0.0, 1.0, KIND[2])
@@ -74,6 +88,15 @@ def test_a_gyro_with_a_bias_gives_the_circle_that_wrong_steering_hides():
     end = np.array([2.0 * math.sin(yaw_rad), 2.0 * (1.0 - math.cos(yaw_rad)), yaw_rad])
     assert path.at(time_s[-1:])[0] == pytest.approx(end, abs=0.03)
     assert between(path.poses[0], path.poses[50]) == pytest.approx(np.zeros(3), abs=1e-3)
+
+
+def test_wheels_that_lock_in_a_bend_do_not_count_as_a_standing_gyro():
+    time_s = np.arange(0.0, 10.0, 0.02)
+    stands, locks = time_s < 2.0, (time_s > 5.0) & (time_s < 5.5)
+    reports = np.column_stack([time_s, time_s, np.where(stands | locks, 0.0, 3.0), np.zeros(time_s.size)])
+    gyro = np.column_stack([time_s, np.where(stands, 0.01, 1.21)])
+    record = LapRecord("bend", KIND, 0.0, time_s, np.zeros((time_s.size, 1), np.float32), reports, gyro)
+    assert gyro_bias_radps(record) == pytest.approx(0.01)
 
 
 def test_a_car_slides_on_while_a_full_brake_locks_its_wheels():
