@@ -73,6 +73,7 @@ def pytest_sessionstart(session):
 
 def without_slow(items, config):
     """Return the tests that this run has, of all that were collected."""
-    left_out = [item for item in items if config.getoption("--quick") and item.get_closest_marker("slow")]
-    config.hook.pytest_deselected(items=left_out)
-    return [item for item in items if item not in set(left_out)]
+    if not config.getoption("--quick"):
+        return items
+    config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("slow")])
+    return [item for item in items if not item.get_closest_marker("slow")]
