@@ -36,8 +36,8 @@ CHANGE_EVERY_RAD = math.radians(2.0)
 CHANGE_WINDOW_S = 0.1
 """Time over which a change is sudden; at least from one scan to the next."""
 ENOUGH_BEARINGS = 20
-CHANGED_LOG = 0.35
-"""Median change of the ranges, as a logarithm, that no drive of a tenth of a second gives: 40 % nearer or farther."""
+CHANGED_RATIO = math.exp(0.35)
+"""Ratio of the ranges, of half of the bearings, that no drive of a tenth of a second gives: 40 % nearer or farther."""
 FROZEN = "the lidar repeats one scan: power-cycle it, check its cable"
 BACKWARDS = "runs backwards: swap two phases of the motor (or is the lidar turned by 180 degrees?)"
 TURNED = "the scene moves sideways: the lidar is turned on the car; mount it straight (lidar.yaw_rad), start again"
@@ -219,6 +219,7 @@ def _has_changed(before: _Sight, now: _Sight) -> bool:
         return False
     was_m = before.range_m[max(turned, 0) : max(turned, 0) + count]
     is_m = now.range_m[max(-turned, 0) : max(-turned, 0) + count]
-    change = np.abs(np.log(is_m / was_m))
-    change = change[np.isfinite(change)]
-    return change.size >= ENOUGH_BEARINGS and bool(np.median(change) > CHANGED_LOG)
+    near_m, far_m = np.minimum(was_m, is_m), np.maximum(was_m, is_m)
+    changed = np.count_nonzero(far_m > CHANGED_RATIO * near_m)  # NaN is not larger
+    seen = np.count_nonzero(near_m > 0.0)
+    return bool(ENOUGH_BEARINGS <= seen <= 2 * changed)
