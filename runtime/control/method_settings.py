@@ -97,7 +97,9 @@ METHODS: Mapping[str, tuple[type[BaseModel], ...]] = {
 }
 OWN_METHODS: Mapping[str, type[BaseModel]] = {"wall_follow": OwnFollowSettings, "safety": OwnSafetySettings}
 """Settings of the user's own laws, beside the built-in ones."""
-TAGS = frozenset({"ball", "line", "corridor", "swept", "report", OWN_TAG})
+TAGS = frozenset(
+    {OWN_TAG, *(str(each.model_fields["method"].default) for section in METHODS.values() for each in section)}
+)
 
 _KEPT = frozenset({"side", "desired_distance_m", "speed_mps", "expires_after_s", "binds_teleop"})
 """Settings with the same meaning in every law; gains and margins of one law do not transfer to another."""

@@ -10,8 +10,8 @@ from dataclasses import replace
 from typing import Any
 
 from wallride.runtime.control.guidance import Follower, Guard
-from wallride.runtime.control.laws import LawStack, Parts
-from wallride.runtime.control.own_laws.law_class import is_own, load_law
+from wallride.runtime.control.laws import FOLLOWERS, SAFETY, LawStack, Parts
+from wallride.runtime.control.own_laws.law_class import OWN_TAG, is_own, load_law
 from wallride.runtime.line_files import read_course
 from wallride.runtime.settings.tree import Settings, load_settings
 from wallride.sim.lab.cell import Cell
@@ -20,7 +20,7 @@ from wallride.sim.scenario.conditions import put_on_top
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
 from wallride.sim.world.pose import Side
 
-GUARD_OF = {"report": "report", "ball": "swept", "line": "swept", "corridor": "swept", "prototype": "swept"}
+GUARD_OF = {name: name if name in SAFETY else "swept" for name in (*FOLLOWERS, "prototype") if name != OWN_TAG}
 """Guard of every follower on the car."""
 GUARDS = ("report", "swept", "none")
 
