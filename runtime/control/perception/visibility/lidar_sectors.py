@@ -13,7 +13,7 @@ import numpy as np
 from wallride.drivers.accelerated import accelerated
 from wallride.drivers.api import Scan
 from wallride.drivers.value import value
-from wallride.runtime.control.perception.geometry import Booleans, Bytes, Places
+from wallride.runtime.control.perception.geometry import Booleans, Bytes, Floats, Places
 from wallride.runtime.control.perception.view import LEARNT_DIRT_NEARER_THAN_M, View
 from wallride.runtime.control.vehicle import CarSettings
 
@@ -125,17 +125,8 @@ def watch_sectors(
     (state, held), (moved_m, turned_rad) = before, motion
     first, beams, first_rad, width_rad = sectors.first, sectors.beams, sectors.first_rad, sectors.width_rad
     ranges_m, x_m, y_m = view.ranges_m, view.x_m, view.y_m
-    count = state.size
-    part = slice(first, first + count * beams)
-    range_m, echo = ranges_m[part], ~(view.no_echo[part] | view.own[part])
-    if view.dirty is not None:
-        echo &= ~(view.dirty[part] & (range_m < LEARNT_DIRT_NEARER_THAN_M))
-    agree = echo[1:] & echo[:-1]
-    agree &= np.abs(range_m[1:] - range_m[:-1]) <= SAME_THING_M + SAME_THING_SHARE * range_m[:-1]
-    linked = np.zeros(range_m.size, np.bool_)
-    linked[1:] |= agree
-    linked[:-1] |= agree
-    links = linked.reshape(count, beams)
+    count, part = state.size, slice(first, first + state.size * beams)
+    links = _linked(view, part).reshape(count, beams)
     seeing = np.count_nonzero(links, axis=1)
     off_middle = np.abs(np.arange(beams) * 2 - (beams - 1))
     pick = np.where(links, off_middle, 2 * beams).argmin(axis=1) + np.arange(count) * beams + first
@@ -144,19 +135,11 @@ def watch_sectors(
     seen = np.where(sees, x_m[pick] + 1j * y_m[pick], nothing)
     new_held = np.where(sees & (seeing >= FULL_SHARE * beams), seen, nothing)
     off = (held - moved_m) * cmath.rect(1.0, -turned_rad) - view.lidar_m
-    place = (np.angle(off) - first_rad) / width_rad
-    place[~(np.abs(off) < within_m)] = math.nan
-    right, left = place[:-1] - BESIDE_SECTORS, place[1:] + BESIDE_SECTORS
-    between = (left > right) & (left - right <= MAX_BETWEEN_SECTORS)
-    right, left = np.ceil(right[between]), left[between]
-    expected = np.zeros(count, np.bool_)
-    for step in range(3):
-        there = right[(right + step <= left) & (right + step >= 0) & (right + step < count)] + step
-        expected[there.astype(np.intp)] = True
+    place = np.where(np.abs(off) < within_m, (np.angle(off) - first_rad) / width_rad, math.nan)
     silent = ~sees & (seeing <= SILENT_SHARE * beams)
     new_state = np.where((state == MISSING) | (state == GONE), state - 1, state).astype(np.int8)
     new_state[silent & (state == SEEN)] = GONE
-    new_state[silent & expected & (state != BLIND)] = MISSING
+    new_state[silent & _expected(place, count) & (state != BLIND)] = MISSING
     new_state[sees] = SEEN
     bearing_rad = first_rad + width_rad * np.arange(count)
     suspects = np.count_nonzero((new_state >= UNPROVEN) & (np.abs(bearing_rad) <= AHEAD_RAD))
@@ -166,6 +149,31 @@ def watch_sectors(
     near[part] &= np.abs(y_m[part]) <= car.half_width_m + ON_LIDAR_SPARE_M
     near[part] &= np.repeat(np.abs(bearing_rad) <= AHEAD_RAD, beams)
     return new_state, seen, new_held, row_on_lidar(near, view.own), int(suspects), int(gone)
+
+
+def _linked(view: View, part: slice) -> Booleans:
+    """Return which beams of a part, (k,), return what a neighbour returns too, neither own part nor dirt."""
+    range_m, echo = view.ranges_m[part], ~(view.no_echo[part] | view.own[part])
+    if view.dirty is not None:
+        echo &= ~(view.dirty[part] & (range_m < LEARNT_DIRT_NEARER_THAN_M))
+    agree = echo[1:] & echo[:-1]
+    agree &= np.abs(range_m[1:] - range_m[:-1]) <= SAME_THING_M + SAME_THING_SHARE * range_m[:-1]
+    linked = np.zeros(range_m.size, np.bool_)
+    linked[1:] |= agree
+    linked[:-1] |= agree
+    return linked
+
+
+def _expected(place: Floats, count: int) -> Booleans:
+    """Return in which sectors, (count,), something is due, by the places, (n,), of neighbours; NaN for none."""
+    right, left = place[:-1] - BESIDE_SECTORS, place[1:] + BESIDE_SECTORS
+    between = (left > right) & (left - right <= MAX_BETWEEN_SECTORS)
+    right, left = np.ceil(right[between]), left[between]
+    expected = np.zeros(count, np.bool_)
+    for step in range(3):
+        there = right[(right + step <= left) & (right + step >= 0) & (right + step < count)] + step
+        expected[there.astype(np.intp)] = True
+    return expected
 
 
 def row_on_lidar(near: Booleans, own: Booleans) -> int:
