@@ -43,6 +43,12 @@ class WireTimeLoop(VirtualTimeLoop):
         future.add_done_callback(self._thread_ended)
         return future
 
+    async def shutdown_default_executor(self, *_):
+        """Wait for the threads: the time that Python 3.12 and later give them (300 s) would pass at once."""
+        self._jumping.threads += 1
+        await super().shutdown_default_executor()
+        self._jumping.threads -= 1
+
     def _thread_ended(self, _future):
         self._jumping.threads -= 1
 

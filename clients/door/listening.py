@@ -45,8 +45,8 @@ async def _listen(runner: web.AppRunner, address: str, port: int, *, any_port: b
             break
         except OSError as error:
             problem = error
-    else:
-        why = WHY_NOT.get(problem.errno or 0, f"{problem.strerror or problem}; choose another with --host")
+    else:  # Python 3.13 gives no number where the computer has none of the addresses
+        why = WHY_NOT.get(problem.errno or errno.EADDRNOTAVAIL, f"{problem.strerror}; choose another with --host")
         raise ConnectionProblemError(f"cannot listen on {address}:{port}: {why}")
     name = _address_here() if address in EVERYWHERE else address.strip("[]")
     return f"{f'[{name}]' if ':' in name else name}:{runner.addresses[0][1]}"

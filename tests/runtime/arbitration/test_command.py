@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.runtime.decisions import BOUND_ORDER, CASES, REQUIRED, Case, estop, failing, nav, permit, safety, stick
-from tests.runtime.in_earnest import judged
+from tests.runtime.in_earnest import is_same, judged
 from wallride.runtime.arbitration import command
 from wallride.runtime.arbitration.command import LAB_ORDER, Source, SpeedLimit, Verdict, arbitrate, consent, refusal
 
@@ -212,8 +212,9 @@ def test_breaking_any_line_of_arbitrate_is_noticed():
 
 
 def test_a_refusal_stops_both_ways_and_a_consent_limits_neither():
-    assert judged(refusal(Source.SAFETY, "wall").assessment, 1.0, 0.0) == Verdict(0.0, 0.0, "wall")
-    assert judged(consent(Source.SAFETY, "clear").assessment, 1.0, 0.0) == Verdict(math.inf, math.inf, "clear")
+    refused, consented = refusal(Source.SAFETY, "wall"), consent(Source.SAFETY, "clear")
+    assert is_same(judged(refused.assessment, 1.0, 0.0), Verdict(0.0, 0.0, "wall"))
+    assert is_same(judged(consented.assessment, 1.0, 0.0), Verdict(math.inf, math.inf, "clear"))
 
 
 @pytest.mark.parametrize(

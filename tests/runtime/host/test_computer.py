@@ -1,9 +1,7 @@
 """The computer's temperature and throttling, from trees of files as kernels make them."""
 
 import asyncio
-import errno
 import math
-import os
 import resource
 
 import pytest
@@ -87,14 +85,15 @@ def test_a_jetsons_over_current_events_are_said_when_they_come_not_when_they_cam
     assert [record.levelname for record in caplog.records if "current" in record.message] == ["WARNING"]
 
 
-def test_without_a_descriptor_the_computer_says_nothing(tree, monkeypatch):
+def test_without_a_descriptor_the_computer_says_nothing(tree):
     zone(tree, 0, "CPU-therm", 41000)
-
-    def none_left(*_):
-        raise OSError(errno.EMFILE, "Too many open files")
-
-    monkeypatch.setattr(os, "scandir", none_left)
-    assert math.isnan(read_computer(tree.root).temperature_c)
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (0, hard))
+    try:
+        read = read_computer(tree.root)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+    assert math.isnan(read.temperature_c)
 
 
 def test_used_up_descriptors_are_counted_and_named_when_they_begin(tree, caplog):

@@ -2,7 +2,7 @@
 
 import sqlite3
 import tracemalloc
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -93,7 +93,7 @@ def test_a_reader_that_takes_all_memory_is_stopped(tmp_path: Path, monkeypatch: 
 @pytest.mark.parametrize("name", ["messages", "topics", "MESSAGES"])
 def test_a_view_in_place_of_a_table_is_refused(ros2: Any, ros2_story: Any, tmp_path: Path, name: str) -> None:
     (path,) = ros2.write(tmp_path / "r", ros2_story).glob("*.db3")
-    with sqlite3.connect(path) as database:
+    with closing(sqlite3.connect(path)) as database:
         database.execute(f"ALTER TABLE {name} RENAME TO real")
         database.execute(
             f"CREATE VIEW {name} AS WITH RECURSIVE n(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM n)"  # noqa: S608 - ours

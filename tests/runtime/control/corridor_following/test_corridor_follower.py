@@ -20,6 +20,7 @@ from tests.runtime.control.corridor_following.course_scenes import (
     rolled,
     seen_in,
 )
+from tests.runtime.in_earnest import is_same
 from wallride.runtime.control.corridor_following import corridor_follower
 from wallride.runtime.control.corridor_following.corridor_settings import CorridorFollowSettings
 from wallride.runtime.control.corridor_following.kept_way import OTHER_SCANS, KeptWay
@@ -58,7 +59,7 @@ def test_left_and_right_are_mirror_images():
 def test_in_a_dead_end_it_answers_as_ball_does():
     one, ball = follower(), BallFollower(BallSettings(speed_mps=6.0), CAR, perception().views)
     for by_corridor, by_ball in zip(rolled(one, DEAD_END), rolled(ball, DEAD_END), strict=True):
-        assert by_corridor == replace(by_ball, reason=corridor_follower.BY_BALL)
+        assert is_same(by_corridor, replace(by_ball, reason=corridor_follower.BY_BALL))
 
 
 def test_without_a_motor_it_answers_as_ball_does():

@@ -7,6 +7,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -42,7 +43,7 @@ def sweep_file(tmp_path):
 
 def ends_of(table):
     """Return when each run of a table ended, by the run's key."""
-    with sqlite3.connect(table) as connection:
+    with closing(sqlite3.connect(table)) as connection:
         return dict(connection.execute("SELECT cell_key, ended_unix_s FROM runs").fetchall())
 
 
