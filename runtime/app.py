@@ -23,6 +23,7 @@ from wallride.runtime.ending import end
 from wallride.runtime.host.systemd import ServiceManager
 from wallride.runtime.live_stack import REQUIRED, LiveStack
 from wallride.runtime.parameters.history import ChangeHistory
+from wallride.runtime.parameters.restart import Restart, RestartDesk
 from wallride.runtime.parameters.server import ParameterServer, ServerContext
 from wallride.runtime.realtime.garbage import collect_young
 from wallride.runtime.realtime.periodic import PeriodicTimer
@@ -73,7 +74,7 @@ class CarSurroundings:
     reading_s: duration of the newest scan's read from the kernel, where the lidar measures it.
     scan_phase: the one around which the devices schedule. wall_clock: the computer's, where it may be set.
     computer: watches the computer, where there is a real one. joystick: a gamepad on the car itself.
-    course: the map with its pose and line, where there is one.
+    course: the map with its pose and line, where there is one. restart: of its process, where it is one.
     rehearsal: what is done between two scans, where the process has the computer to itself.
     """
 
@@ -86,6 +87,7 @@ class CarSurroundings:
     joystick: LocalOperator | None = None
     rehearsal: Rehearsal | None = None
     course: RaceCourse | None = None
+    restart: Restart | None = None
 
 
 class Car:
@@ -131,6 +133,7 @@ class Car:
         self._add_watches()
         self.history = ChangeHistory(settings.parameters.history)
         self.parameters = ParameterServer(settings, self._surroundings(around.file, around.base), self.history)
+        self.restart = RestartDesk(self._why_no_restart, around.restart)
         self._add_telemetry(around.course)
 
     def _add_people(self) -> None:
@@ -197,7 +200,7 @@ class Car:
             self.bus.subscribe(graph.any_type_key(DRIVE), partial(self.planners.refuse_other_type, drive))
         if graph is not None and isinstance(self.lidar, TopicLidar):
             self.lidar.listen(self.bus, graph)
-        parameters.serve(self.bus, name, self.parameters)
+        parameters.serve(self.bus, name, self.parameters, self.restart)
         recorder.serve(self.bus, name, self.recorder)
         self.bus.answer(topics.key(name, f"{topics.OWN_PARTS}/show"), self.own_parts.answer_show)
         self.bus.answer(topics.key(name, f"{topics.OWN_PARTS}/forget"), self.own_parts.answer_forget)
@@ -217,6 +220,11 @@ class Car:
     def status(self) -> Mapping[str, Any]:
         """Return the answer to "why is it (not) moving" as plain values."""
         return self.telemetry.status()
+
+    def _why_no_restart(self) -> str:
+        if self.emergency_stop.latched:
+            return "the e-stop is on, and a start would forget it: clear it first"
+        return "" if self.standstill.holds() else "only while the car stands; stop it first"
 
     async def drive(self, stop: asyncio.Event) -> None:
         """Drive until `stop` is set or a task fails; the car is brought to rest on every way out."""

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -44,6 +45,7 @@ from wallride.runtime.realtime.scan_phase import ScanPhase
 from wallride.runtime.realtime.selector import CheckedSelector
 from wallride.runtime.realtime.wall_clock import WallClock
 from wallride.runtime.rehearsal import Rehearsal
+from wallride.runtime.restarting import ProcessRestart
 from wallride.runtime.scan_topic import TopicLidar
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.tasks import parameters
@@ -94,13 +96,14 @@ class LaunchError(Exception):
 class Files:
     """The files of a process. saved: live parameters; base: the settings file below that one, if any.
 
-    address: destination of telemetry's address. overrides: of the command line, KEY=VALUE.
+    address: destination of telemetry's address. overrides: of the command line, KEY=VALUE. restart: of the process.
     """
 
     saved: Path | None = None
     base: Path | None = None
     address: Path | None = None
     overrides: Sequence[str] = ()
+    restart: ProcessRestart | None = None
 
     def words(self, settings: Settings) -> tuple[int, str]:
         """Return the level of the log and the line that says whose settings count."""
@@ -247,6 +250,8 @@ async def _drive(
 ) -> None:  # fmt: skip
     stop, asked = asyncio.Event(), asyncio.Event()
     _hear_signals(asked, stop)
+    if files.restart is not None:
+        files.restart.end = partial(_set, asked, stop)
     rehearsal = Rehearsal(settings, time.monotonic)
     car, bus, (motor, lidar) = _car(settings, files, sessions, fitted, joystick, rehearsal)
     opening = asyncio.create_task(_open(car, bus, stop, files.address), name="bus")
@@ -295,7 +300,7 @@ def _car(
         rehearsal.read = lidar.rehearse
     around = CarSurroundings(
         files.saved, files.base, lambda: lidar.reading_s, scan_phase, WallClock(clock), ComputerWatch(read_computer),
-        joystick, rehearsal if settings.process.rehearse else None, _course(settings),
+        joystick, rehearsal if settings.process.rehearse else None, _course(settings), files.restart,
     )  # fmt: skip
     car = Car(settings, lidar, motor, bus, clock, around)
     _hear_inertia(motor, car)

@@ -194,16 +194,18 @@ def _run(options: argparse.Namespace) -> int:
     if problems:
         return fail("; ".join(problems))
     from wallride.runtime import launch
+    from wallride.runtime.restarting import ProcessRestart, start_again
 
+    restart = ProcessRestart(file, options.saved, options.assignments)
     try:
         files = launch.Files(
-            options.saved or file, file if options.saved else None, options.address_file, options.assignments
+            options.saved or file, file if options.saved else None, options.address_file, options.assignments, restart
         )
         joystick, problems_of_pads = _joystick(settings)
         launch.main(settings, files, launch.Sessions(session, routers), (*warnings, *problems_of_pads), joystick)
     except launch.LaunchError as error:
         return fail(str(error))
-    return 0
+    return start_again() if restart.wanted else 0
 
 
 def _with_its_lidar(

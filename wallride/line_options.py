@@ -61,7 +61,7 @@ def _add_map(commands: "Commands") -> None:
         "--open", action="store_true", help="the drive does not return to its beginning, and need not for a good map"
     )
     add_json(map_, "the figures")
-    map_.set_defaults(run=partial(replay_options.run_offline, "wallride.sim.mapping.command"))
+    map_.set_defaults(run=partial(replay_options.run_offline, "wallride.sim.mapping.command", extra="map"))
 
 
 def _add_pose(commands: "Commands") -> None:
@@ -82,7 +82,7 @@ def _add_pose(commands: "Commands") -> None:
         "--anywhere", action="store_true", help="search the whole map, not first where the map's lap began"
     )
     add_json(pose, "the figures")
-    pose.set_defaults(run=partial(replay_options.run_offline, "wallride.sim.mapping.pose_command"))
+    pose.set_defaults(run=partial(replay_options.run_offline, "wallride.sim.mapping.pose_command", extra="map"))
 
 
 def _add_limits(line: argparse.ArgumentParser) -> None:
@@ -118,7 +118,7 @@ def add_reserve(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Compute and write; exit code 2 with one line for an error that the user can correct."""
-    with needs("sim", "lines need"):
+    with needs("map", "lines need"):
         from wallride.runtime.settings.tree import SettingsError
         from wallride.sim.racing import command
     options.config = options.config or default_config()

@@ -1,17 +1,18 @@
 """Options of `wallride param`. The client is imported when the command runs."""
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wallride import client_options
-from wallride.parser import at_least
+from wallride.parser import add_config, at_least, default_config, number
 
 if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
 
 def add(commands: "Commands") -> None:
-    """Add `param` and its five actions."""
+    """Add `param` and its six actions."""
     param = commands.add_parser("param", help="list, read, change and save the settings of a running car")
     actions = param.add_subparsers(dest="action", required=True, metavar="ACTION")
     listing = actions.add_parser("list", help="every setting with its value, range, unit and meaning")
@@ -26,6 +27,17 @@ def add(commands: "Commands") -> None:
     )
     past = actions.add_parser("history", help="list changes with time and author")
     past.add_argument("-n", dest="most", type=at_least(1), default=50, metavar="N", help="the newest N (default: 50)")
+    racing = actions.add_parser(
+        "race", help="on the car's computer: have a car that stands start anew, to race along a map's line"
+    )
+    racing.add_argument("map", type=Path, metavar="MAP.yaml", help="a map of `wallride map`, its line beside it")
+    racing.add_argument(
+        "--speed", dest="speed_mps", type=number(0.1, 50.0), metavar="MPS",
+        help="highest speed that is asked (default: the line's)",
+    )  # fmt: skip
+    add_config(racing, "settings file of the car, where map and law are written", positional=False)
+    client_options.add_common(racing)
+    racing.set_defaults(run=run_race)
     for action in (listing, reading, past):
         action.add_argument("--json", action="store_true", help="print JSON")
     for action in (listing, reading, setting, saving, past):
@@ -38,3 +50,11 @@ def run(options: argparse.Namespace) -> int:
     from wallride.clients import parameters
 
     return client_options.run_client(parameters.run, options)
+
+
+def run_race(options: argparse.Namespace) -> int:
+    """Write map and law, and have the car start anew."""
+    from wallride.clients import race_along
+
+    options.config = options.config or default_config()
+    return client_options.run_client(race_along.run, options)

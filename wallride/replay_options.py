@@ -77,11 +77,14 @@ def run(options: argparse.Namespace) -> int:
     return run_offline("wallride.sim.replay.command", options)
 
 
-def run_offline(module: str, options: argparse.Namespace) -> int:
-    """Run a module that reads recordings; an error that the user can correct becomes one line and exit code 2."""
+def run_offline(module: str, options: argparse.Namespace, *, extra: str = "sim") -> int:
+    """Run a module that reads recordings; an error that the user can correct becomes one line and exit code 2.
+
+    extra: of the installation, with the packages that the module needs.
+    """
     from importlib import import_module
 
-    with needs("sim", "recordings need"):
+    with needs(extra, "recordings need"):
         command = import_module(module)
         from wallride.runtime.settings.tree import SettingsError
         from wallride.sim.recordings import RecordingError

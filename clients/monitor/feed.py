@@ -117,7 +117,7 @@ class PageFeed:
         """Send a query to the car; RefusedError with its reason, or ours when the car does not answer."""
         if not self._is_meant():
             raise RefusedError(self.problem or f"{self.car} is not heard")
-        timeout_s = SAVED_WITHIN_S if what == "param/save" else ANSWER_WITHIN_S
+        timeout_s = SAVED_WITHIN_S if what in {"param/save", "param/restart"} else ANSWER_WITHIN_S
         try:
             answers = await self._bus.ask(
                 topics.key(self.car, what), json.dumps(question).encode() if question else b"", timeout_s=timeout_s

@@ -3,24 +3,19 @@
 import json
 import os
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal
 
 from wallride.clients.monitor.command_run import CommandAnswer, CommandFailedError
-from wallride.runtime.parameters import file as settings_file
-from wallride.runtime.parameters.catalogue import values
-from wallride.runtime.parameters.file import StoreError
+from wallride.clients.race_along import IDENTITY
 from wallride.runtime.recording.ring import parse
 from wallride.runtime.settings.recording import recordings_folder
-from wallride.runtime.settings.tree import SettingsError, load_settings
 from wallride.runtime.wire.network import RefusedError
 
 MAPS: Final = "maps"
 """Folder of maps, beside the car's settings file, else beside the recordings."""
-IDENTITY: Final = ("car.name", "recording.simulated", "car.wheelbase_m")
-"""Settings by which a settings file is recognized as that of a car."""
 OF_THE_LINE: Final = ("car.wheelbase_m", "car.max_steering_rad", "car.max_acceleration_mps2", "car.half_width_m")
 """Settings of the car that its race line depends on."""
 ASKED: Final = tuple(dict.fromkeys((*IDENTITY, *OF_THE_LINE)))
@@ -62,7 +57,7 @@ class LapMap:
         return {
             "car": self.car, "stage": self.stage, "recording": self.recording, "words": list(self.words),
             "pictures": list(self.pictures), "number": self.number, "lines": self.lines,
-            "can_be_raced": self.can_be_raced, "file": str(self.file or ""),
+            "can_be_raced": self.can_be_raced, "file": str(self.file or ""), "fastest_mps": self.fastest_mps,
         }  # fmt: skip
 
     def picture(self, name: str) -> bytes | None:
@@ -104,25 +99,6 @@ def recording_here(folder: Path, name: str, size_bytes: int) -> Path | None:
 def maps_folder(file: Path | None) -> Path:
     """Return the folder of maps. file: the car's settings, where they are on this computer: the car reads its map."""
     return (file.absolute().parent if file is not None else recordings_folder("").parent) / MAPS
-
-
-def file_of(config: Path | None, told: Mapping[str, Any]) -> tuple[Path | None, str]:
-    """Return the settings file if it is the car's and can be written, and else why not.
-
-    told: IDENTITY as the car says it.
-    """
-    if config is None:
-        return None, ""
-    try:
-        here = values(load_settings(config))
-    except SettingsError as error:
-        return None, str(error)
-    if other := [name for name in IDENTITY if here.get(name) != told.get(name)]:
-        name = other[0]
-        return None, f"{config} is of another car: {name} is {here.get(name)} in it, and {told.get(name)} on this car"
-    if not os.access(config, os.W_OK) or not os.access(config.absolute().parent, os.W_OK):
-        return None, f"{config} may not be written by this monitor: start it with sudo"
-    return config, ""
 
 
 def map_told(answer: CommandAnswer) -> Mapping[str, Any]:
@@ -176,28 +152,3 @@ def way_to_race(made: LapMap, told: Mapping[str, Any], *, is_here: bool) -> tupl
     lines = f'[map]\nfile = "{place}"\n\n[wall_follow]\nmethod = "line"'
     words = "Put these lines into the car's settings file and restart the car"
     return f"{copied}{words}; a monitor on the car's computer that was started with --config FILE writes them.", lines
-
-
-def save_race(made: LapMap) -> tuple[str, ...]:
-    """Write map and law into the car's settings file; return what to do next. StoreError where it cannot take them."""
-    if made.file is None or made.map is None:
-        raise StoreError("there is no map to race along")
-    edits = {"map.file": str(made.map), "map.line": "", "wall_follow.method": "line"}
-    settings_file.save(made.file, edits, edits)
-    after = values(load_settings(made.file))
-    limits = ("wall_follow.speed_mps", "car.max_speed_mps")
-    most_mps = min(float(str(after[name])) for name in limits)
-    restart = "Put the car where the lap began, and restart it (sudo systemctl restart wallride)"
-    return (
-        f'{made.file}: map.file and wall_follow.method = "line" written.',
-        f"{restart}: it follows the wall until it is located, then the line.",
-        *_slower(most_mps, made.fastest_mps, limits),
-        'Back to the wall: wall_follow.method = "ball".',
-    )
-
-
-def _slower(most_mps: float, line_mps: float, limits: Sequence[str]) -> Sequence[str]:
-    if most_mps >= line_mps:
-        return ()
-    bound = f"It will drive at most {most_mps:g} m/s, and the line has {line_mps:.1f} m/s"
-    return (f"{bound}: raise {' and '.join(limits)} lap by lap.",)

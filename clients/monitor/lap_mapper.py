@@ -18,17 +18,16 @@ from wallride.clients.monitor.lap_map import (
     OF_THE_LINE,
     LapMap,
     Stage,
-    file_of,
     line_told,
     map_told,
     map_words,
     maps_folder,
     newest_drive,
     recording_here,
-    save_race,
     way_to_race,
 )
 from wallride.clients.monitor.messages import MapLap
+from wallride.clients.race_along import RESTART, file_of, race_along
 from wallride.runtime.ending import end
 from wallride.runtime.line_files import LINE_SUFFIX
 from wallride.runtime.parameters.file import StoreError
@@ -85,7 +84,7 @@ class LapMapper:
         if self.is_busy:
             raise RefusedError(f"a map of {self._now.car}'s lap is being made: wait for it, or cancel it")
         if word.do == "race":
-            self._race(source.car)
+            self._race(source, word.speed_mps)
         else:
             self._begin_map(source)
 
@@ -115,11 +114,11 @@ class LapMapper:
         self._tell("asking", f"Asking {source.car} for its newest recording.")
         self._begin(lambda: self._make(source))
 
-    def _race(self, car: str) -> None:
+    def _race(self, source: LapSource, asked_mps: float | None) -> None:
         made = self._now
-        if made.car != car or not made.can_be_raced:
-            raise RefusedError(f"there is no map of {car}'s lap with a race line here: make it first")
-        self._begin(lambda: self._save(made))
+        if made.car != source.car or not made.can_be_raced:
+            raise RefusedError(f"there is no map of {source.car}'s lap with a race line here: make it first")
+        self._begin(lambda: self._race_along(made, source, asked_mps or made.fastest_mps))
 
     def _begin(self, work: Callable[[], Awaitable[None]]) -> None:
         self._working = asyncio.create_task(self._attempt(work), name="map of a lap")
@@ -185,10 +184,16 @@ class LapMapper:
         self._now = replace(self._now, fastest_mps=fastest_mps, pictures=pictures)
         self._tell("good", *words, sentence)
 
-    async def _save(self, made: LapMap) -> None:
+    async def _race_along(self, made: LapMap, source: LapSource, asked_mps: float) -> None:
         self._tell("saving", *made.words)
+        if made.file is None or made.map is None:
+            return
+
+        async def restart(question: Mapping[str, Any]) -> Mapping[str, Any]:
+            return await source.ask(f"{topics.PARAM}/{RESTART}", question)
+
         try:
-            words = await asyncio.to_thread(save_race, made)
+            words = await race_along(made.file, made.map, made.fastest_mps, asked_mps, restart)
         except EXPECTED as error:
             self._tell("good", str(error), *made.words)
             return

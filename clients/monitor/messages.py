@@ -124,10 +124,14 @@ class Ping(_PageMessage):
 
 
 class MapLap(_PageMessage):
-    """Makes a map of the newest recording of the watched car, ends that, or has the car race along the map."""
+    """Makes a map of the newest recording of the watched car, ends that, or has the car race along the map.
+
+    speed_mps: that the car may reach in a race; None: the line's own.
+    """
 
     t: Literal["map_lap"]
     do: Literal["begin", "cancel", "race"]
+    speed_mps: Annotated[float, Field(ge=0.1, le=50.0)] | None = None
 
 
 PageMessage = (

@@ -52,3 +52,10 @@ class HistoryQuestion(ParameterRequest):
     """Request for the newest changes."""
 
     most: Annotated[int, Field(ge=1, le=1000)] = 50
+
+
+class RestartQuestion(ParameterRequest):
+    """Request for a new start of a car that stands."""
+
+    only_ask: bool = False
+    """Only asks whether the car could be restarted now: it goes on."""

@@ -8,6 +8,7 @@ from typing import Never
 from wallride.runtime.parameters.catalogue import shown
 from wallride.runtime.parameters.file import StoreError, replace
 from wallride.runtime.parameters.history import ChangeHistory, SettingChange
+from wallride.runtime.parameters.restart import RestartDesk
 from wallride.runtime.parameters.server import ParameterServer
 from wallride.runtime.parameters.update import UnacceptableError
 from wallride.runtime.wire import topics
@@ -19,8 +20,8 @@ MIN_WRITE_PERIOD_S = 1.0
 MAX_NAMED = 3
 
 
-def serve(bus: RequestServer, car: str, desk: ParameterServer) -> None:
-    """Answer `param/list|get|set|save|configure|history` of a car."""
+def serve(bus: RequestServer, car: str, desk: ParameterServer, restart: RestartDesk) -> None:
+    """Answer `param/list|get|set|save|configure|history|restart` of a car."""
     replies: dict[str, Reply] = {
         "list": refuse_on(UnacceptableError, desk.list_all),
         "get": refuse_on(UnacceptableError, desk.get_some),
@@ -28,6 +29,7 @@ def serve(bus: RequestServer, car: str, desk: ParameterServer) -> None:
         "save": refuse_later_on(UnacceptableError, desk.save),
         "configure": refuse_later_on(UnacceptableError, desk.configure),
         "history": refuse_on(UnacceptableError, desk.past),
+        "restart": refuse_later_on(UnacceptableError, restart.receive),
     }
     for name, reply in replies.items():
         bus.answer(topics.key(car, f"{topics.PARAM}/{name}"), reply)

@@ -61,7 +61,7 @@ def planner_rates(car: str, planners: Sequence[str]) -> dict[str, float]:
 def _questions(car: str) -> dict[str, float]:
     """Return the highest rate at which one client may ask [1/s], by key."""
     kinds = {
-        topics.PARAM: ("list", "get", "history", "save", "configure"),
+        topics.PARAM: ("list", "get", "history", "save", "configure", "restart"),
         topics.OWN_PARTS: ("show", "forget"),
         topics.LOGS: ("list", "trim"),
     }

@@ -6,7 +6,7 @@ Telemetry, `wallride/<car>/<topic>`: standard ROS 2 messages in CDR, except
     decision    one JSON object per changed decision of the mux
     beat        the car's heartbeat for operators, binary (wallride.runtime.wire.teleop)
 
-To the car: `operator/command`, binary; `param/list|get|set|save|configure|history`,
+To the car: `operator/command`, binary; `param/list|get|set|save|configure|history|restart`,
 `own_parts/show|forget`, queries in JSON.
 Stamps in JSON are seconds on the car's monotonic clock. Missing numbers are null, never NaN (not JSON).
 """

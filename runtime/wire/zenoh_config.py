@@ -276,7 +276,7 @@ def grants(car: str) -> Iterator[Grant]:
     yield Grant(operator, "operator-is-there", "ingress", ("liveliness_token",), token)
     yield Grant(operator, "who-else-operates", "ingress", asks, token)
     yield Grant(operator, "others-operate", "egress", ("liveliness_token",), token)
-    yield from _questions(operator, "change", _parameter_keys(car, "set", "save"))
+    yield from _questions(operator, "change", _parameter_keys(car, "set", "save", "restart"))
 
     own_parts = (topics.key(car, f"{topics.OWN_PARTS}/show"), topics.key(car, f"{topics.OWN_PARTS}/forget"))
     yield from _questions(operator, "own-parts", own_parts)

@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     write_answer(json.dumps(told) + "\n", options.json)
     if options.json != "-":
         written = f"written: {', '.join(map(str, files))}"
-        for line in (*summary(record, lap, verdict), written, f"verdict: {verdict.words}"):
+        for line in (*summary(record, lap, verdict), written, f"verdict: {verdict.words}", *_advice(verdict)):
             print(line)  # noqa: T201 - this is the command's answer
     return 0 if verdict.good else REFUSED
 
@@ -62,6 +62,12 @@ def summary(record: LapRecord, lap: ClosedLap, verdict: MapVerdict) -> Iterator[
         )
     if len(record.reports):
         yield f"the wheels report {100 / lap.car.scale - 100:+.1f} % of way{_trim(record, lap)}"
+
+
+def _advice(verdict: MapVerdict) -> Iterator[str]:
+    """Yield what to do about a refused map."""
+    if not verdict.good:
+        yield "drive the lap again, on a computer that is not busy; docs/racing.md says what each reason asks for"
 
 
 def _origin(record: LapRecord) -> str:

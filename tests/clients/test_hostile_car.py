@@ -32,7 +32,7 @@ ODD = [
     {name: [{field: {} for field in ("name", "value", "range", "size_bytes")}] for name in TEXTS},
 ]
 QUESTIONS = [
-    *(f"{topics.PARAM}/{what}" for what in ("list", "get", "set", "save", "configure", "history")),
+    *(f"{topics.PARAM}/{what}" for what in ("list", "get", "set", "save", "configure", "history", "restart")),
     *(f"{topics.OWN_PARTS}/{what}" for what in ("show", "forget")),
     requests.RECORD, requests.LIST, requests.GET, requests.TRIM,
 ]  # fmt: skip

@@ -9,6 +9,7 @@ from wallride import param_options
 from wallride.clients import parameters
 from wallride.clients.connection import ConnectionProblemError
 from wallride.runtime.parameters.history import ChangeHistory
+from wallride.runtime.parameters.restart import RestartDesk
 from wallride.runtime.parameters.server import ParameterServer, ServerContext
 from wallride.runtime.settings.tree import Settings, load_settings
 from wallride.runtime.tasks.parameters import serve
@@ -59,7 +60,7 @@ class Car:
         self.bus = Bus(zenoh_config.car_config([self.endpoint], None, (), "car1"))
 
     async def __aenter__(self):
-        serve(self.bus, "car1", self.desk)
+        serve(self.bus, "car1", self.desk, RestartDesk(lambda: "", None))
         self.bus.announce(topics.key("car1", topics.ALIVE))
         await self.bus.open()
         return self

@@ -32,7 +32,16 @@ OTHERS = (
 )
 FALSE_OPERATORS = {f"{HERE}/operator/alive/e0e0", f"{HERE}/operator/alive/a11ce2"}
 FALSE_TOKENS = {"wallride/car2/alive", "wallride/evil/alive", *FALSE_OPERATORS}
-ASKED = ("param/list", "param/get", "param/history", "param/set", "param/save", "param/configure", "record")
+ASKED = (
+    "param/list",
+    "param/get",
+    "param/history",
+    "param/set",
+    "param/save",
+    "param/restart",
+    "param/configure",
+    "record",
+)
 
 
 @dataclass

@@ -65,7 +65,7 @@ class Scene:
         for key in (topics.COMMAND, "planner/slam/command", "planner/other/command"):
             bus.subscribe(topics.key(name, key), lambda key, payload, _s: taken.append((key, payload)))
         bus.announce(topics.key(name, topics.ALIVE))
-        for verb in ("get", "set", "configure"):
+        for verb in ("get", "set", "restart", "configure"):
             bus.answer(topics.key(name, f"param/{verb}"), lambda payload, verb=verb: verb.encode())
         await bus.open()
         self.buses.append(bus)
@@ -150,7 +150,10 @@ async def test_telemetry_commands_and_questions_pass_through_the_router_to_those
         await stage.until(lambda: alice.wanted("wallride/car1/operator/command"))
         alice.put("wallride/car1/operator/command", b"go", urgent=True)
         await stage.until(lambda: stage.taken["car1"] == [("wallride/car1/operator/command", b"go")])
-        for person, verb, answered in ((bob, "get", True), (bob, "set", False), (alice, "set", True)):
+        for person, verb, answered in (
+            (bob, "get", True), (bob, "set", False), (alice, "set", True),
+            (bob, "restart", False), (alice, "restart", True),
+        ):  # fmt: skip
             asked = asyncio.create_task(person.ask(f"wallride/car1/param/{verb}"))
             await stage.until(asked.done)
             assert asked.result() == ([verb.encode()] if answered else [])

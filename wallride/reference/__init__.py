@@ -83,6 +83,7 @@ TO_THE_CAR: Final[Sequence[tuple[str, str, str, str]]] = (
     (f"{topics.PARAM}/history", "query, JSON", "viewer", "the latest changes"),
     (f"{topics.PARAM}/set", "query, JSON", "operator", "changes settings, all of a request or none"),
     (f"{topics.PARAM}/save", "query, JSON", "operator", "writes the changes to the settings file"),
+    (f"{topics.PARAM}/restart", "query, JSON", "operator", "starts a car that stands anew, by its settings file"),
     (f"{topics.PARAM}/configure", "query, JSON", "admin", "writes settings that take effect after a restart as well"),
     (f"{topics.LOGS}/list", "query, JSON", "operator", "the recordings on the car"),
     (f"{topics.LOGS}/get", "query, JSON; the answer is bytes", "operator", "a piece of a recording"),

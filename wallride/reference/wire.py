@@ -10,12 +10,14 @@ from typing import Any, Final
 
 from wallride.runtime.parameters import requests as of_parameters
 from wallride.runtime.parameters.history import ChangeHistory
+from wallride.runtime.parameters.restart import RestartDesk
 from wallride.runtime.parameters.server import ParameterServer, ServerContext
 from wallride.runtime.realtime.wall_clock import WallClock
 from wallride.runtime.recording import requests as of_recordings
 from wallride.runtime.recording.disk import Disk
 from wallride.runtime.recording.mcap_file import McapFile
 from wallride.runtime.recording.recorder import Recorder
+from wallride.runtime.restarting import ProcessRestart
 from wallride.runtime.settings.recording import RecordingSettings
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.tasks.recorder import Library
@@ -67,6 +69,7 @@ REQUESTS: Final[Mapping[str, type[Request]]] = {
     f"{topics.PARAM}/history": of_parameters.HistoryQuestion,
     f"{topics.PARAM}/save": of_parameters.SaveQuestion,
     f"{topics.PARAM}/configure": of_parameters.ConfigureQuestion,
+    f"{topics.PARAM}/restart": of_parameters.RestartQuestion,
     of_recordings.RECORD: of_recordings.RecordQuestion,
     of_recordings.LIST: of_recordings.ListRecordings,
     of_recordings.GET: of_recordings.GetRecording,
@@ -139,6 +142,7 @@ async def _of_parameters(folder: Path) -> dict[str, str]:
     made["save"] = (await server.save(b'{"by": "ann"}')).decode()
     wish = json.dumps({"values": {"recording.raw": True}, "by": "ann"}).encode()
     made["configure"] = (await server.configure(wish)).decode()
+    made["restart"] = (await RestartDesk(str, ProcessRestart(file, None, ())).receive(b'{"by": "ann"}')).decode()
     return {f"{topics.PARAM}/{what}": answer for what, answer in made.items()}
 
 

@@ -17,6 +17,7 @@ from wallride.runtime.arbitration.emergency_stop import EmergencyStop
 from wallride.runtime.arbitration.permit import Permit
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.parameters.history import ChangeHistory
+from wallride.runtime.parameters.restart import RestartDesk
 from wallride.runtime.parameters.server import ParameterServer
 from wallride.runtime.parameters.server import ServerContext as DeskSurroundings
 from wallride.runtime.ros import markers, messages
@@ -42,7 +43,7 @@ class FakeCar:
 
     history: (time, speed) whenever the speed on the wire changed. scans: how many were published. car: its measures.
     pose: that of the status. course: functions that write what it tells of its map at a time since 1970, by topic.
-    recordings: answer to `logs/list`.
+    recordings: answer to `logs/list`. restarts: how often it was started anew.
     """
 
     def __init__(
@@ -63,6 +64,7 @@ class FakeCar:
             ChangeHistory(100),
         )
         self.standing = True
+        self.restarts = 0
         self.odom = {"x_m": 0, "y_m": 0, "yaw_rad": 0}
         self.overruled = None
         self.pose, self.course = {}, {}
@@ -82,7 +84,7 @@ class FakeCar:
     async def __aenter__(self):
         bus, name = self.bus, self.name
         bus.subscribe(topics.key(name, topics.COMMAND), self._receive)
-        parameters.serve(bus, name, self.settings)
+        parameters.serve(bus, name, self.settings, RestartDesk(self._why_no_restart, self))
         bus.answer(topics.key(name, "record"), self._record)
         bus.answer(topics.key(name, "logs/list"), lambda _: topics.encode(self.recordings))
         if self._simulated:
@@ -132,6 +134,16 @@ class FakeCar:
     def _receive(self, key, payload, arrival_s):
         self.desk.receive(key, payload, arrival_s)
         self.look()
+
+    def _why_no_restart(self):
+        return "" if self.standing else "only while the car stands; stop it first"
+
+    def check(self):
+        """Find nothing wrong with the files of its next start."""
+
+    def begin(self):
+        """Note that it is to start anew."""
+        self.restarts += 1
 
     def _apply(self, settings, names):
         self.applied.append(names)

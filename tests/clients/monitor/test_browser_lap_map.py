@@ -46,11 +46,25 @@ async def test_a_map_is_made_looked_at_and_raced_along(scene, tab, tmp_path, car
         await tab.until(f"{SHOWN}.join() === '1,1'")
         await tab.until(f"{VISIBLE}.join() === 'begin,race'")
         assert await violations(tab) == [], "with a map"
+        speed = "document.querySelector('#lap-map-speed input')"
+        assert await tab.run(f"{speed}.value") == "6.0", "the line's highest"
+        before = car_toml.read_text()
+        await tab.run(f"{speed}.value = ''")
         await tab.click("#lap-map-race")
-        await tab.until(f"{WORDS}.includes('restart it')")
+        assert await tab.run(f"{speed}.validity.valueMissing"), "nothing is sent"
+        await tab.run(f"{speed}.value = 3.5")
+        car.standing = False
+        await tab.click("#lap-map-race")
+        await tab.until(f"{WORDS}.includes('no restart: only while the car stands; stop it first')")
+        assert (car_toml.read_text(), car.restarts) == (before, 0)
+        car.standing = True
+        await tab.click("#lap-map-race")
+        await tab.until(f"{WORDS}.includes('The car starts anew, disarmed.')")
         assert await tab.run(VISIBLE) == ["begin"]
+        assert not await tab.run(f"{speed}.checkVisibility()")
+        assert car.restarts == 1
         settings = load_settings(car_toml)
-        assert settings.wall_follow.method == "line"
+        assert (settings.wall_follow.method, settings.wall_follow.speed_mps) == ("line", 3.5)
         assert settings.map.file.endswith(NAME.replace(".mcap", ".yaml"))
         assert tab.errors == []
 

@@ -48,6 +48,7 @@ class Bench:
         self.recordings = recordings
         self.settings = dict(CAR)
         self.commands = LapCommands()
+        self.asked, self.refusals = [], []
         self.mapper = LapMapper(config, self.commands)
 
     def source(self, car="car1", objection=""):
@@ -56,10 +57,15 @@ class Bench:
     async def answer(self, what, question):
         if what == "logs/list":
             return self.recordings
+        if what == "param/restart":
+            self.asked.append(question)
+            if self.refusals and (refusal := self.refusals.pop(0)):
+                raise RefusedError(refusal)
+            return {"restarts": not question.get("only_ask", False)}
         return {"values": {name: self.settings[name] for name in question["names"]}}
 
-    def press(self, do="begin", **more):
-        self.mapper.receive(MapLap(t="map_lap", do=do), self.source(**more))
+    def press(self, do="begin", speed_mps=None, **more):
+        self.mapper.receive(MapLap(t="map_lap", do=do, speed_mps=speed_mps), self.source(**more))
 
     async def ended(self):
         """Wait for the end of what was begun; return the page's fields."""
@@ -98,14 +104,41 @@ async def test_race_along_it_keeps_map_and_law_in_the_car_s_file(tmp_path, car_t
     bench.press("race")
     now = await bench.ended()
     assert now["stage"] == "saved"
-    assert "restart it" in now["words"][1]
+    assert bench.asked == [{"only_ask": True}, {}], "first whether it stands"
+    assert now["words"][1].startswith("The car starts anew, disarmed. Put it where the lap began, and permit it")
     assert "at most 4 m/s, and the line has 6.0 m/s" in now["words"][2], "of car.max_speed_mps"
     settings = load_settings(car_toml)
     assert settings.map.file == str(car_toml.parent / "maps" / "car1" / NAME.replace(".mcap", ".yaml"))
     assert (settings.wall_follow.method, settings.wall_follow.kp, settings.map.line) == ("line", 12.0, "")
+    assert settings.wall_follow.speed_mps == 6.0, "the line's"
     assert 'method = "line"  # or "report"' in car_toml.read_text()
     with pytest.raises(RefusedError, match="make it first"):
         bench.press("race")
+
+
+async def test_a_car_that_drives_is_told_by_name_and_its_file_stays(tmp_path, car_toml):
+    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+    await bench.made()
+    bench.refusals = ["no restart: only while the car stands; stop it first"]
+    bench.press("race", speed_mps=3.0)
+    now = await bench.ended()
+    assert (now["stage"], now["can_be_raced"], now["words"][0]) == (
+        "good",
+        True,
+        "no restart: only while the car stands; stop it first",
+    )
+    assert car_toml.read_text() == FILE
+
+
+async def test_a_car_that_does_not_start_itself_anew_is_for_a_hand(tmp_path, car_toml):
+    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+    await bench.made()
+    bench.refusals = ["", 'no restart: operator.permit = "always"']
+    bench.press("race", speed_mps=3.0)
+    now = await bench.ended()
+    assert now["stage"] == "saved"
+    assert 'sudo systemctl restart wallride (no restart: operator.permit = "always")' in now["words"][1]
+    assert load_settings(car_toml).wall_follow.speed_mps == 3.0
 
 
 async def test_a_line_of_another_map_is_not_kept(tmp_path, car_toml):
@@ -226,10 +259,10 @@ async def test_a_map_without_a_line_is_good_and_not_raced(tmp_path, car_toml):
 @pytest.mark.parametrize("code", [1, 2, -9])
 async def test_a_map_command_that_fails_says_why(tmp_path, code):
     bench = Bench(recorded(tmp_path / "recordings"))
-    bench.commands.failing["map"] = (code, "wallride: recordings need scipy: pip install 'wallride[sim]'\n")
+    bench.commands.failing["map"] = (code, "wallride: recordings need scipy: pip install '.[map]' in the clone\n")
     now = await bench.made()
     assert now["stage"] == "failed"
-    assert now["words"] == ["No map was made: recordings need scipy: pip install 'wallride[sim]'"]
+    assert now["words"] == ["No map was made: recordings need scipy: pip install '.[map]' in the clone"]
 
 
 async def test_a_file_that_cannot_take_it_stays_as_it_is(tmp_path, car_toml):

@@ -7,6 +7,7 @@ import logging
 import pytest
 
 from wallride.runtime.parameters.history import ChangeHistory, SettingChange
+from wallride.runtime.parameters.restart import RestartDesk
 from wallride.runtime.parameters.server import ParameterServer, ServerContext
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.tasks import parameters
@@ -30,13 +31,14 @@ def change(number):
 def served(file=None):
     car = ServerContext(lambda *_: None, lambda: True, lambda: 1e9, lambda: "a day", file)
     board = Switchboard()
-    parameters.serve(board, "car1", ParameterServer(Settings(), car, ChangeHistory(5)))
+    desk = ParameterServer(Settings(), car, ChangeHistory(5))
+    parameters.serve(board, "car1", desk, RestartDesk(lambda: "", None))
     return board.replies
 
 
-def test_six_questions_are_answered_and_nothing_else():
+def test_seven_questions_are_answered_and_nothing_else():
     names = [key.removeprefix("wallride/car1/param/") for key in served()]
-    assert names == ["list", "get", "set", "save", "configure", "history"]
+    assert names == ["list", "get", "set", "save", "configure", "history", "restart"]
 
 
 @pytest.mark.parametrize("name", ["list", "get", "set", "history"])
@@ -45,7 +47,9 @@ def test_nonsense_is_an_error_reply_and_not_an_exception_of_another_kind(name):
         served()[f"wallride/car1/param/{name}"](b"\xff")
 
 
-async def test_so_is_a_refused_save():
+async def test_so_are_a_refused_save_and_a_refused_restart():
+    with pytest.raises(RefusedError, match="not a question"):
+        await served()["wallride/car1/param/restart"](b"\xff")
     with pytest.raises(RefusedError, match="without a settings file"):
         await served()["wallride/car1/param/save"](b"")
 

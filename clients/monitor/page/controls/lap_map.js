@@ -12,10 +12,12 @@ export class LapMap {
   #wasClosed = true; // a lap that was closed before this page came is told by the row alone
   #words = "";
   #pictures = "";
+  #asked = 0; // number of the map for whose line the speed is filled in
 
   constructor(link) {
     this.#link = link;
-    for (const word of ["begin", "cancel", "race"]) $(`lap-map-${word}`).addEventListener("click", () => this.#say(word));
+    for (const word of ["begin", "cancel"]) $(`lap-map-${word}`).addEventListener("click", () => this.#say({ do: word }));
+    $("lap-map-race").addEventListener("click", () => this.#race());
     link.on("gone", () => { this.#stage = "none"; $("lap-map-begin").disabled = $("lap-map-race").disabled = true; });
   }
 
@@ -26,6 +28,11 @@ export class LapMap {
     setText($("lap-map-begin"), now.number ? "Make it again" : "Make the map");
     setHidden($("lap-map-cancel"), !now.busy);
     setHidden($("lap-map-race"), !now.can_be_raced);
+    setHidden($("lap-map-speed"), !now.can_be_raced);
+    if (now.number !== this.#asked && now.can_be_raced) {
+      $("lap-map-speed").firstElementChild.value = now.fastest_mps.toFixed(1); // a new line: as fast as it is
+      this.#asked = now.number;
+    }
     $("lap-map-race").disabled = now.busy;
     setText($("lap-map-lines"), now.lines);
     this.#sense = now;
@@ -48,8 +55,13 @@ export class LapMap {
     setText($("lap-map-sense"), races ? "" : sense);
   }
 
-  #say(word) {
-    if (!this.#link.say({ t: "map_lap", do: word })) announce("There is no link to the monitor.", "bad");
+  #race() {
+    const speed = $("lap-map-speed").firstElementChild;
+    if (speed.reportValidity()) this.#say({ do: "race", speed_mps: speed.valueAsNumber });
+  }
+
+  #say(words) {
+    if (!this.#link.say({ t: "map_lap", ...words })) announce("There is no link to the monitor.", "bad");
   }
 
   #showWords(words) {

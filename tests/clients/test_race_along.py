@@ -1,0 +1,109 @@
+"""`wallride param race`: map and law into the car's file, and the car starts anew; or a refusal, and the file stays."""
+
+import argparse
+
+import pytest
+
+from wallride import param_options
+from wallride.clients import race_along
+from wallride.clients.connection import ConnectionProblemError
+from wallride.runtime.parameters.history import ChangeHistory
+from wallride.runtime.parameters.restart import RestartDesk
+from wallride.runtime.parameters.server import ParameterServer, ServerContext
+from wallride.runtime.parameters.update import UnacceptableError
+from wallride.runtime.settings.tree import Settings, load_settings
+from wallride.runtime.tasks.parameters import serve
+from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire.ports import free_endpoint
+
+FILE = '[car]\nmax_speed_mps = 3.0\n\n[wall_follow]\nmethod = "ball"  # mine\n'
+
+
+class Car:
+    """A car's desks on a session of their own. drives: why it may not restart. fails: what is wrong with its files."""
+
+    def __init__(self):
+        self.endpoint, self.drives, self.fails, self.restarts = free_endpoint(), "", "", 0
+        context = ServerContext(lambda *_: None, lambda: True, lambda: 1e9, lambda: "a day")
+        self.desk = ParameterServer(Settings(), context, ChangeHistory(10))
+        self.bus = Bus(zenoh_config.car_config([self.endpoint], None, (), "car1"))
+
+    def check(self):
+        if self.fails:
+            raise UnacceptableError(self.fails)
+
+    def begin(self):
+        self.restarts += 1
+
+    async def __aenter__(self):
+        serve(self.bus, "car1", self.desk, RestartDesk(lambda: self.drives, self))
+        self.bus.announce(topics.key("car1", topics.ALIVE))
+        await self.bus.open()
+        return self
+
+    async def __aexit__(self, *_):
+        await self.bus.close()
+
+    async def race(self, *words):
+        parser = argparse.ArgumentParser()
+        param_options.add(parser.add_subparsers())
+        return await race_along.run(parser.parse_args(["param", "race", *map(str, words), "--connect", self.endpoint]))
+
+
+@pytest.fixture
+def made(tmp_path):
+    """A map's race line, square, of 5 m/s at most."""
+    corners = [(side * 0.25, 0.0) for side in range(10)] + [(2.5, side * 0.25) for side in range(10)]
+    corners += [(2.5 - x, 2.5 - y) for x, y in corners]
+    rows = [f"{0.25 * n}; {x}; {y}; 0; 0; {4 + n % 2}; 0; 1" for n, (x, y) in enumerate(corners)]
+    (tmp_path / "lab.line.csv").write_text("\n".join(rows))
+    return tmp_path / "lab.yaml"
+
+
+@pytest.fixture
+def car_toml(tmp_path):
+    path = tmp_path / "car.toml"
+    path.write_text(FILE)
+    return path
+
+
+async def test_a_car_that_stands_gets_map_and_law_and_starts_anew(made, car_toml, capsys):
+    async with Car() as car:
+        assert await car.race(made, "--config", car_toml, "--speed", "4.5") == 0
+    assert car.restarts == 1
+    settings = load_settings(car_toml)
+    assert (settings.map.file, settings.wall_follow.method) == (str(made), "line")
+    assert settings.wall_follow.speed_mps == 4.5
+    assert 'method = "line"  # mine' in car_toml.read_text()
+    said = capsys.readouterr().out
+    assert "The car starts anew, disarmed." in said
+    assert "at most 3 m/s, and the line has 5.0 m/s" in said
+
+
+async def test_a_car_that_drives_is_refused_and_its_file_stays(made, car_toml):
+    async with Car() as car:
+        car.drives = "only while the car stands; stop it first"
+        with pytest.raises(ConnectionProblemError, match=r"^no restart: only while the car stands; stop it first$"):
+            await car.race(made, "--config", car_toml)
+    assert (car_toml.read_text(), car.restarts) == (FILE, 0)
+
+
+async def test_a_car_that_would_not_start_goes_on_and_says_why(made, car_toml, capsys):
+    async with Car() as car:
+        car.fails = "no restart: the car would not start: no map file"
+        assert await car.race(made, "--config", car_toml) == 0
+    assert car.restarts == 0
+    assert "systemctl restart wallride (no restart: the car would not start: no map file)" in capsys.readouterr().out
+
+
+async def test_a_map_without_a_line_and_another_car_s_file_are_named(made, car_toml, tmp_path):
+    async with Car() as car:
+        with pytest.raises(ConnectionProblemError, match=r"other.line.csv: .* make it: wallride line"):
+            await car.race(tmp_path / "other.yaml", "--config", car_toml)
+        with pytest.raises(ConnectionProblemError, match="--config FILE"):
+            await car.race(made)
+        car_toml.write_text('[car]\nname = "car2"\n')
+        with pytest.raises(ConnectionProblemError, match=r"is of another car: car\.name is car2 in it, and car1"):
+            await car.race(made, "--config", car_toml)
+    assert car.restarts == 0
