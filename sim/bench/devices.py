@@ -12,7 +12,7 @@ from wallride.drivers.vesc import codec
 from wallride.drivers.vesc.codec import MOTOR_PACKETS, Packet
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.sim.bench.course import Picture
-from wallride.sim.bench.ports import BenchTcpPort
+from wallride.sim.bench.rig import BenchTcpPort
 from wallride.sim.devices.scip_encode import SensorModel
 from wallride.sim.devices.scip_sensor import ScipSensor
 from wallride.sim.devices.vesc_replies import firmware_reply, values_reply

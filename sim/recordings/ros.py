@@ -4,23 +4,23 @@ The package `rosbags` is imported only when such a file is opened, so that .npz 
 """
 
 import re
-from collections.abc import Iterable
+import resource
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wallride.runtime.recording.unpacking import Unpacking, UnpackingError
-from wallride.sim.recordings.bounds import bounded_memory
+from wallride.runtime.recording.unpacking import Unpacking, UnpackingError, bomb, most_bytes
 from wallride.sim.recordings.mcap_messages import CDR, ROS1, Decode, collect_mcap
 from wallride.sim.recordings.messages import ACKERMANN_DEFINITIONS, WANTED_TYPES, Collector
 from wallride.sim.recordings.recording import RecordingError
 from wallride.sim.recordings.salvage import RawMessage, whole_messages
-from wallride.sim.recordings.salvage_ros2 import check_tables, rows_before_damage
 from wallride.sim.recordings.tracks import Tracks
 
 if TYPE_CHECKING:
     from rosbags.typesys import Stores
     from rosbags.typesys.store import Typestore
-
 
 PYTHONS = (AttributeError, IndexError, KeyError, TypeError)
 """Errors of a parser that damage leads astray: their texts are about its code, not about the file."""
@@ -157,3 +157,51 @@ def _with_ackermann(store: "Stores") -> "Typestore":
     for name, definition in ACKERMANN_DEFINITIONS.items():
         typestore.register(get_types_from_msg(definition, name))
     return typestore
+
+
+@contextmanager
+def bounded_memory(path: Path) -> Iterator[None]:
+    """Let this process have as much more memory as a recording of that size can need; RecordingError beyond it."""
+    files = [*path.glob("*")] if path.is_dir() else [path]
+    size_bytes = sum(file.stat().st_size for file in files if file.is_file())
+    before, hard = resource.getrlimit(resource.RLIMIT_AS)
+    most = _taken_bytes() + size_bytes + 2 * most_bytes(size_bytes)  # messages, and the arrays made of them
+    resource.setrlimit(resource.RLIMIT_AS, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+    try:
+        yield
+    except MemoryError:
+        raise RecordingError(f"{path}: {bomb(size_bytes)}.") from None
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (before, hard))
+
+
+def _taken_bytes() -> int:
+    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+
+
+def check_tables(path: Path) -> None:
+    """Refuse a .db3 with a view, which can be without an end, and whose name may have any case; RecordingError."""
+    for file in path.glob("*.db3") if path.is_dir() else [path] if path.suffix == ".db3" else []:
+        with closing(sqlite3.connect(_location(file), uri=True)) as database, suppress(sqlite3.DatabaseError):
+            database.execute("PRAGMA writable_schema=ON")
+            for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'view'"):
+                raise RecordingError(f"{file}: {name} is a view, not a table as ROS writes it: fetch it again.")
+
+
+def _location(path: Path) -> str:
+    return f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+
+
+def rows_before_damage(path: Path) -> Iterator[RawMessage]:
+    """Yield the messages of a .db3 in the order in which they were written, up to the first damaged page.
+
+    SQLite refuses a file that is shorter than its header says; with a writable schema (of a file opened for
+    reading only) it reads the existing pages. The index is not used: it lies scattered among the pages.
+    """
+    with closing(sqlite3.connect(_location(path), uri=True)) as database, suppress(sqlite3.DatabaseError):
+        database.execute("PRAGMA writable_schema=ON")
+        topics = {number: (name, kind) for number, name, kind in database.execute("SELECT id, name, type FROM topics")}
+        rows = database.execute("SELECT topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id")
+        for number, received_ns, raw in rows:
+            if number in topics:
+                yield *topics[number], received_ns, raw
