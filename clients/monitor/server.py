@@ -16,7 +16,10 @@ import tempfile
 import webbrowser
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass
+from importlib import resources
 from importlib.metadata import version
+from importlib.resources.abc import Traversable
 from pathlib import Path
 
 import segno
@@ -25,17 +28,23 @@ from aiohttp import web
 from wallride.clients.connection import endpoint_configs
 from wallride.clients.door.auth import DoorAuth, door_auth, is_loopback
 from wallride.clients.door.door import HEADERS, Door
-from wallride.clients.door.listening import listening
-from wallride.clients.door.token_file import login_token
+from wallride.clients.door.listening import listening, login_token
 from wallride.clients.ending import stopping
 from wallride.clients.fleet.links import telling_what_is_awaited
-from wallride.clients.monitor import assets
 from wallride.clients.monitor.messages import LONGEST
 from wallride.clients.monitor.relay import CarEndpoint, Relay
 from wallride.clients.monitor.session import Host, PageSession
 from wallride.clients.teleop.shaping import InputShape
 from wallride.runtime.ending import end
 
+INDEX = "index.html"
+TYPES = {
+    ".html": "text/html",
+    ".css": "text/css",
+    ".js": "text/javascript",
+    ".svg": "image/svg+xml",
+    ".webmanifest": "application/manifest+json",
+}
 log = logging.getLogger("wallride.monitor")
 
 GOODBYE = "The monitor was ended. Start it again: wallride monitor."
@@ -50,14 +59,36 @@ PAGE = """<!doctype html><meta charset="utf-8"><meta name="referrer" content="no
 """
 
 
+@dataclass(frozen=True, slots=True)
+class Asset:
+    """One file: its media type and its bytes."""
+
+    content_type: str
+    body: bytes
+
+
+def read_all() -> dict[str, Asset]:
+    """Return every file of the page by its path, such as `controls/hands.js`."""
+    return dict(_files_in(resources.files("wallride.clients.monitor").joinpath("page"), ""))
+
+
+def _files_in(folder: Traversable, path: str) -> Iterator[tuple[str, Asset]]:
+    for file in folder.iterdir():
+        content_type = TYPES.get("." + file.name.rpartition(".")[2])
+        if file.is_dir():
+            yield from _files_in(file, f"{path}{file.name}/")
+        elif content_type is not None:
+            yield path + file.name, Asset(content_type, file.read_bytes())
+
+
 def application(host: Host, auth: DoorAuth) -> web.Application:
     """Return the web application."""
-    files = assets.read_all()
+    files = read_all()
     door = Door(auth, log, longest=2 * LONGEST)
 
     async def file(request: web.Request) -> web.Response:
-        name = request.match_info.get("name") or assets.INDEX
-        token = None if name == assets.INDEX else auth.token  # the page's parts are no secret
+        name = request.match_info.get("name") or INDEX
+        token = None if name == INDEX else auth.token  # the page's parts are no secret
         if refusal := door.refusal(request, token=token):
             return refusal
         asset = files.get(name)

@@ -7,7 +7,7 @@ import random
 import struct
 from typing import Final, Literal
 
-from wallride.drivers.vesc.app_layouts import LAYOUTS
+from wallride.drivers.vesc.app_config import LAYOUTS
 from wallride.drivers.vesc.codec import Packet
 from wallride.sim.devices.vesc_replies import APP_SIGNATURES, Version
 

@@ -5,8 +5,7 @@ import sys
 
 from wallride.failure import fail
 from wallride.parser import add_config, add_set, default_config
-from wallride.runtime.host.questions import asked, yes_or_no
-from wallride.runtime.host.terminal_text import say
+from wallride.runtime.host.terminal_text import asked, say, yes_or_no
 
 GROUPS = ("program", "computer", "ports", "lidar", "motor", "access", "joystick")
 CONFIRMED = "wheels up"

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from wallride.failure import fail
-from wallride.runtime.host.questions import yes_or_no
-from wallride.runtime.host.terminal_text import say
+from wallride.runtime.host.terminal_text import say, yes_or_no
 
 RUNNING: Final = Path("run/systemd/system")
 RELOADED: Final = (

@@ -1,7 +1,10 @@
 """One change of a VESC's application configuration: look, say, ask, keep a copy, write while it stands, read back."""
 
 import asyncio
-from collections.abc import Callable
+import json
+import os
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -12,7 +15,6 @@ from wallride.drivers.api import LinkLost
 from wallride.drivers.vesc.app_config import AppConfig, change_app_config, decode_app_config, layout_of, unlike_places
 from wallride.drivers.vesc.replies import HARDWARE_VESC, STATUS_TIMED_OUT, Firmware, Values
 from wallride.drivers.vesc.settings_link import VescSettingsLink
-from wallride.vesc import backup
 
 NOT_AS_WANTED: Final = 3
 """Exit code: something was written, and what is in the controller now is not what was asked for, or unknown."""
@@ -31,6 +33,63 @@ STANDING_ERPM: Final = 300
 """Under it a VESC's speed is noise."""
 STANDING_STEPS: Final = 1
 IDLE_DUTY: Final = 0.005
+
+
+class BackupError(Exception):
+    """The file is of no use; the text is one line with the remedy."""
+
+
+@dataclass(frozen=True, slots=True)
+class Backup:
+    """uuid: of the controller, in hexadecimal digits. configuration: from its signature on."""
+
+    firmware: str
+    hardware: str
+    uuid: str
+    configuration: bytes
+
+    @classmethod
+    def of(cls, firmware: Firmware, configuration: bytes) -> "Backup":
+        """Return the backup of a controller."""
+        return cls(firmware.version, firmware.hardware, firmware.uuid.hex(), configuration)
+
+
+def backup_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """Return the folder of backups: in the user's folder of states."""
+    return Path(environment.get("XDG_STATE_HOME") or "~/.local/state").expanduser() / "wallride" / "vesc"
+
+
+def save(backup: Backup, folder: Path) -> Path:
+    """Write a backup to the disk, under a name of its own; OSError where it cannot be."""
+    folder.mkdir(parents=True, exist_ok=True)
+    stem = f"{backup.uuid[-8:] or 'vesc'}-{time.strftime('%Y%m%d-%H%M%S', time.gmtime())}"
+    text = {
+        "firmware": backup.firmware, "hardware": backup.hardware, "uuid": backup.uuid,
+        "configuration": backup.configuration.hex(),
+    }  # fmt: skip
+    for number in range(1, 1000):
+        path = folder / f"{stem}{'' if number == 1 else f'-{number}'}.json"
+        try:
+            with path.open("x", encoding="utf-8") as file:
+                file.write(json.dumps(text, indent=1) + "\n")
+                file.flush()
+                os.fsync(file.fileno())  # before the controller is changed
+        except FileExistsError:
+            continue
+        return path
+    raise FileExistsError(17, "too many backups of one second", str(folder))
+
+
+def load(path: Path) -> Backup:
+    """Read a backup; BackupError for another file."""
+    try:
+        text = json.loads(path.read_text(encoding="utf-8"))
+        found = Backup(text["firmware"], text["hardware"], text["uuid"], bytes.fromhex(text["configuration"]))
+    except OSError as error:
+        raise BackupError(f"{path}: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError):
+        raise BackupError(f"{path}: is no copy of `wallride vesc set`; they are in {backup_folder()}") from None
+    return found
 
 
 class VescChangeError(Exception):
@@ -94,8 +153,8 @@ async def set_values(access: VescAccess, wish: SettingsWish) -> int:
 async def restore(access: VescAccess, file: Path) -> int:
     """Write a backup into the controller that it is of; as set_values."""
     try:
-        kept = backup.load(file)
-    except backup.BackupError as error:
+        kept = load(file)
+    except BackupError as error:
         raise VescChangeError(str(error)) from None
 
     def wanted(found: VescContents) -> bytes:
@@ -195,7 +254,7 @@ async def _check_idle(link: VescSettingsLink, found: VescContents) -> None:
 
 def _keep(access: VescAccess, found: VescContents) -> Path:
     try:
-        kept = backup.save(backup.Backup.of(found.firmware, found.configuration), access.folder)
+        kept = save(Backup.of(found.firmware, found.configuration), access.folder)
     except OSError as error:
         raise VescChangeError(
             f"{error.filename or access.folder}: {error.strerror}: without a copy of what is there nothing is changed"

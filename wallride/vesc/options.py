@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from wallride.client_options import between
 from wallride.failure import fail
 from wallride.parser import add_config, add_set, default_config
-from wallride.runtime.host.questions import yes_or_no
-from wallride.runtime.host.terminal_text import say
+from wallride.runtime.host.terminal_text import say, yes_or_no
 
 if TYPE_CHECKING:
     from wallride.vesc.change import SettingsWish
@@ -62,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
     from wallride.drivers.vesc.settings import VescSettings
     from wallride.runtime.settings.tree import SettingsError, load_settings
     from wallride.vesc import change
-    from wallride.vesc.backup import backup_folder
+    from wallride.vesc.change import backup_folder
     from wallride.vesc.port import refuse_taken_port
 
     try:
