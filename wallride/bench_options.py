@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from wallride.failure import needs
-from wallride.parser import add_json, at_least
+from wallride.parser import Commands, add_json, at_least
 
 MEASUREMENTS = {
     "latency": "latency from a scan's last byte to the motor's first; emulated devices, the unmodified process",
@@ -16,7 +16,7 @@ MEASUREMENTS = {
 }
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(commands: Commands) -> None:
     """Add the command and its measurements."""
     bench = commands.add_parser("bench", help="benchmarks on this machine")
     measurements = bench.add_subparsers(dest="measurement", required=True, metavar="MEASUREMENT")

@@ -62,18 +62,6 @@ def run_client(program: Callable[[argparse.Namespace], Coroutine[Any, Any, int]]
         return fail(str(problem))
 
 
-def between(low: float, high: float) -> Callable[[str], float]:
-    """Return a converter of an option's text to a number within these bounds."""
-
-    def number(text: str) -> float:
-        value = float(text)
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g}")
-        return value
-
-    return number
-
-
 def port(text: str) -> int:
     """Return a port for an option; 0 is any free one."""
     if not text.isdecimal() or int(text) > HIGHEST_PORT:

@@ -3,19 +3,15 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from wallride import client_options
-from wallride.parser import at_least
+from wallride.parser import Commands, at_least
 from wallride.runtime.host.terminal_text import say
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
 MB = 1_000_000
 
 
-def add(commands: "Commands") -> None:
+def add(commands: Commands) -> None:
     """Add both commands."""
     logs = commands.add_parser(
         "logs",
@@ -50,7 +46,7 @@ def add(commands: "Commands") -> None:
     _add_record(commands)
 
 
-def _add_for_files(actions: "Commands", listing: argparse.ArgumentParser) -> None:
+def _add_for_files(actions: Commands, listing: argparse.ArgumentParser) -> None:
     info = actions.add_parser("info", help="show the contents of a recording")
     mending = actions.add_parser("recover", help="repair a truncated recording in place")
     keeping = actions.add_parser("keep", help="protect recordings from deletion for new ones")
@@ -60,7 +56,7 @@ def _add_for_files(actions: "Commands", listing: argparse.ArgumentParser) -> Non
         action.add_argument("--json", action="store_true", help="print JSON")
 
 
-def _add_record(commands: "Commands") -> None:
+def _add_record(commands: Commands) -> None:
     record = commands.add_parser("record", help="start or stop a recording, independent of the drive")
     record.add_argument("action", choices=("start", "stop", "status"))
     record.add_argument("--json", action="store_true", help="print JSON")

@@ -1,15 +1,12 @@
 """Options of `wallride own-parts`."""
 
 import argparse
-from typing import TYPE_CHECKING
 
 from wallride import client_options
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
+from wallride.parser import Commands
 
 
-def add(commands: "Commands") -> None:
+def add(commands: Commands) -> None:
     """Add `own-parts` and its two actions."""
     parts = commands.add_parser("own-parts", help="parts of the car that its lidar sees: show or forget them")
     actions = parts.add_subparsers(dest="action", required=True, metavar="ACTION")

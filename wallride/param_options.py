@@ -1,16 +1,12 @@
 """Options of `wallride param`. The client is imported when the command runs."""
 
 import argparse
-from typing import TYPE_CHECKING
 
 from wallride import client_options
-from wallride.parser import at_least
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
+from wallride.parser import Commands, at_least
 
 
-def add(commands: "Commands") -> None:
+def add(commands: Commands) -> None:
     """Add `param` and its five actions."""
     param = commands.add_parser("param", help="list, read, change and save the settings of a running car")
     actions = param.add_subparsers(dest="action", required=True, metavar="ACTION")

@@ -1,17 +1,13 @@
 """Options of `wallride topic`, `wallride cars` and `wallride status`."""
 
 import argparse
-from typing import TYPE_CHECKING
 
 from wallride import client_options
-from wallride.parser import at_least, number
+from wallride.parser import Commands, at_least, number
 from wallride.runtime.host.terminal_text import say
 
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
-
-def add(commands: "Commands") -> None:
+def add(commands: Commands) -> None:
     """Add the three commands."""
     topic = commands.add_parser("topic", help="topics of a car: list, hz, bw, echo")
     actions = topic.add_subparsers(dest="action", required=True, metavar="ACTION")
@@ -40,7 +36,7 @@ def add(commands: "Commands") -> None:
     _add_status(commands)
 
 
-def _add_status(commands: "Commands") -> None:
+def _add_status(commands: Commands) -> None:
     cars = commands.add_parser("cars", help="list cars with version and state; several endpoints: --connect A,B")
     status = commands.add_parser("status", help="state of a car and the reason why it moves or stands")
     status.add_argument("--watch", action="store_true", help="update until Ctrl-C")

@@ -4,14 +4,14 @@ import argparse
 import sys
 
 from wallride.failure import fail
-from wallride.parser import add_config, add_set, default_config
+from wallride.parser import Commands, add_config, add_set, default_config
 from wallride.runtime.host.terminal_text import asked, say, yes_or_no
 
 GROUPS = ("program", "computer", "ports", "lidar", "motor", "access", "joystick")
 CONFIRMED = "wheels up"
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(commands: Commands) -> None:
     """Add the command and its options."""
     doctor = commands.add_parser(
         "doctor",

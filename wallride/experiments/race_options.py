@@ -2,15 +2,11 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from wallride.failure import needs
 from wallride.line_options import add_reserve
-from wallride.parser import add_jobs, add_json, add_set, at_least, number
+from wallride.parser import Commands, add_jobs, add_json, add_set, at_least, number
 from wallride.sim_options import add_car
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
 WHAT = "laps on the maps of courses by several laws: times beside theory and published ones, errors, stops, contacts"
 TRACKS = (7, 23)
@@ -19,7 +15,7 @@ FEWEST_LAPS = 3
 """The third lap is the first that counts."""
 
 
-def add(experiments: "Commands") -> None:
+def add(experiments: Commands) -> None:
     """Add the command."""
     races = experiments.add_parser(
         "races",
