@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
 
     from wallride.doctor.computer import this_computer
     from wallride.doctor.examine import examine, find_settings
-    from wallride.doctor.report import as_json, exit_code, line, summary
+    from wallride.doctor.findings import as_json, exit_code, line, summary
 
     if options.wheels_up and (options.json or "motor" not in (options.only or GROUPS)):
         return fail("--wheels-up asks about the motor: leave --json out, and add --only motor where there is --only")

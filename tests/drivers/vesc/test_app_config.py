@@ -12,8 +12,7 @@ from wallride.drivers.vesc.app_config import (
     layout_of,
     unlike_places,
 )
-from wallride.sim.devices.vesc_config import EmulatedAppConfig
-from wallride.sim.devices.vesc_replies import APP_SIGNATURES
+from wallride.sim.devices.vesc_replies import APP_SIGNATURES, EmulatedAppConfig
 
 FIRMWARE_6_05 = 2099347128
 SERVO_AT, APPLICATION_AT = 31, 33
