@@ -5,6 +5,7 @@ import getpass
 import os
 import socket
 from collections.abc import Callable, Coroutine
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,15 @@ def add_name(parser: argparse.ArgumentParser) -> None:
         default=f"{user}@{socket.gethostname().split('.')[0]}",
         help="name shown on the car and to other operators (default: you@this-computer)",
     )
+
+
+def client(module: str, function: str = "run") -> Callable[[argparse.Namespace], int]:
+    """Return what runs a coroutine of `wallride.clients`, by the names of its module and itself; imported then."""
+
+    def run(options: argparse.Namespace) -> int:
+        return run_client(getattr(import_module(f"wallride.clients.{module}"), function), options)
+
+    return run
 
 
 def run_client(program: Callable[[argparse.Namespace], Coroutine[Any, Any, int]], options: argparse.Namespace) -> int:

@@ -18,7 +18,7 @@ def add(commands: Commands) -> None:
         help="recordings: list, get, keep, trim, info, recover",
         description="Without an action: list the recordings of this machine.",
     )
-    logs.set_defaults(run=_logs, print_line=say, local="", json=False)
+    logs.set_defaults(run=client_options.client("logs"), print_line=say, local="", json=False)
     actions = logs.add_subparsers(dest="action", metavar="ACTION")
     listing = actions.add_parser("list", help="list the recordings of a car or a local folder")
     getting = actions.add_parser("get", help="copy recordings from a car (default: the newest drive)")
@@ -42,7 +42,7 @@ def add(commands: Commands) -> None:
         )  # fmt: skip
     _add_for_files(actions, listing)
     for action in actions.choices.values():
-        action.set_defaults(run=_logs, print_line=say, progress=_progress)
+        action.set_defaults(run=client_options.client("logs"), print_line=say, progress=_progress)
     _add_record(commands)
 
 
@@ -61,19 +61,7 @@ def _add_record(commands: Commands) -> None:
     record.add_argument("action", choices=("start", "stop", "status"))
     record.add_argument("--json", action="store_true", help="print JSON")
     client_options.add_common(record)
-    record.set_defaults(run=_record, print_line=say)
-
-
-def _logs(options: argparse.Namespace) -> int:
-    from wallride.clients import logs
-
-    return client_options.run_client(logs.run, options)
-
-
-def _record(options: argparse.Namespace) -> int:
-    from wallride.clients import logs
-
-    return client_options.run_client(logs.record, options)
+    record.set_defaults(run=client_options.client("logs", "record"), print_line=say)
 
 
 def _progress(name: str, got_bytes: int, of_bytes: int) -> None:

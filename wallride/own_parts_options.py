@@ -1,7 +1,5 @@
 """Options of `wallride own-parts`."""
 
-import argparse
-
 from wallride import client_options
 from wallride.parser import Commands
 
@@ -15,11 +13,4 @@ def add(commands: Commands) -> None:
     for action in (showing, forgetting):
         action.add_argument("--json", action="store_true", help="print JSON")
         client_options.add_common(action)
-        action.set_defaults(run=run)
-
-
-def run(options: argparse.Namespace) -> int:
-    """Send the request to the car."""
-    from wallride.clients import own_parts
-
-    return client_options.run_client(own_parts.run, options)
+        action.set_defaults(run=client_options.client("own_parts"))

@@ -1,7 +1,5 @@
 """Options of `wallride param`. The client is imported when the command runs."""
 
-import argparse
-
 from wallride import client_options
 from wallride.parser import Commands, at_least
 
@@ -26,11 +24,4 @@ def add(commands: Commands) -> None:
         action.add_argument("--json", action="store_true", help="print JSON")
     for action in (listing, reading, setting, saving, past):
         client_options.add_common(action)
-        action.set_defaults(run=run)
-
-
-def run(options: argparse.Namespace) -> int:
-    """Send the request to the car."""
-    from wallride.clients import parameters
-
-    return client_options.run_client(parameters.run, options)
+        action.set_defaults(run=client_options.client("parameters"))

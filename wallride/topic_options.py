@@ -1,7 +1,5 @@
 """Options of `wallride topic`, `wallride cars` and `wallride status`."""
 
-import argparse
-
 from wallride import client_options
 from wallride.parser import Commands, at_least, number
 from wallride.runtime.host.terminal_text import say
@@ -32,7 +30,7 @@ def add(commands: Commands) -> None:
     echo.add_argument("--whole", action="store_true", help="print arrays in full")
     for action in (listing, rate, volume, echo):
         client_options.add_common(action)
-        action.set_defaults(run=_topic, print_line=say)
+        action.set_defaults(run=client_options.client("topics"), print_line=say)
     _add_status(commands)
 
 
@@ -45,23 +43,5 @@ def _add_status(commands: Commands) -> None:
         command.add_argument("--json", action="store_true", help="print JSON")
     cars.add_argument("--watch", action="store_true", help="update until Ctrl-C; Space stops every car")
     client_options.add_name(cars)
-    cars.set_defaults(run=_cars, print_line=say)
-    status.set_defaults(run=_status, print_line=say)
-
-
-def _topic(options: argparse.Namespace) -> int:
-    from wallride.clients import topics
-
-    return client_options.run_client(topics.run, options)
-
-
-def _cars(options: argparse.Namespace) -> int:
-    from wallride.clients.fleet import cars
-
-    return client_options.run_client(cars.run, options)
-
-
-def _status(options: argparse.Namespace) -> int:
-    from wallride.clients import status
-
-    return client_options.run_client(status.run, options)
+    cars.set_defaults(run=client_options.client("fleet.cars"), print_line=say)
+    status.set_defaults(run=client_options.client("status"), print_line=say)

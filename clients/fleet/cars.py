@@ -17,7 +17,8 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, StringConstraints
 
-from wallride.clients.fleet.links import FleetLink, fleet_links, watch
+from wallride.clients.fleet.links import FleetLink, fleet_links
+from wallride.clients.fleet.watching import watch
 from wallride.clients.played import NOTHING_DRIVES, PlayedNames
 from wallride.clients.status import headline
 from wallride.runtime.host.terminal_text import one_line

@@ -1,20 +1,13 @@
-"""Sessions with several endpoints at once, of cars or routers: one that is away delays none of the others.
-
-A screen on them lasts until Ctrl-C, with the e-stop to all cars under Space and Esc.
-"""
+"""Sessions with several endpoints at once, of cars or routers: one that is away delays none of the others."""
 
 import argparse
 import asyncio
 import sys
-import time
-from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 from wallride.clients.endpoints import endpoint_configs
-from wallride.clients.fleet.stop import PERIOD_S, FleetStop
-from wallride.clients.refreshing import RefreshedScreen
-from wallride.clients.teleop import terminal
 from wallride.runtime.ending import end
 from wallride.runtime.host.terminal_text import one_line, say
 from wallride.runtime.wire.bus import Bus
@@ -22,10 +15,6 @@ from wallride.runtime.wire.bus import Bus
 RETRY_S = 0.5
 TOLD_AFTER_S = 2.0
 UNANSWERED = "no answer yet; is the car or router there on?"
-REFRESH_S = 0.2
-STOP_KEYS = b" \x1b"
-Keys = Mapping[int, tuple[str, Callable[[], None]]]
-"""By the key's byte: what it does in words, and the function."""
 
 
 @dataclass(eq=False, slots=True)
@@ -85,54 +74,3 @@ async def open_link(link: FleetLink) -> None:
             await asyncio.sleep(RETRY_S)
         else:
             link.problem = ""
-
-
-async def watch(
-    options: argparse.Namespace,
-    links: Sequence[FleetLink],
-    lines: Callable[[], Iterable[str]],
-    keys: Keys | None = None,
-) -> None:
-    """Show the lines until Ctrl-C; Space or Esc stops every car, other keys as given."""
-    async with telling_what_is_awaited(lambda: "" if sys.stdout.isatty() else unopened(links)):
-        await _watch(options, links, lines, keys or {})
-
-
-async def _watch(
-    options: argparse.Namespace, links: Sequence[FleetLink], lines: Callable[[], Iterable[str]], others: Keys
-) -> None:
-    stop = FleetStop(links, options.name, options.car)
-    console = terminal.Console() if terminal.is_there() else None
-    if console is not None:
-        console.open()
-    shown, shown_s, pressed = RefreshedScreen(options.print_line), 0.0, False
-    try:
-        while True:
-            now_s = time.monotonic()
-            typed = set(console.read() or b"") if console is not None else set()
-            if typed & set(STOP_KEYS):
-                pressed = True
-                stop.press(now_s)
-            stop.step(now_s)
-            for key in typed & others.keys():
-                others[key][1]()
-            if now_s - shown_s >= REFRESH_S:
-                shown_s = now_s
-                foot = _foot(links, stop if pressed else None, others)
-                rows = list(map(one_line, lines()))
-                shown.show("\n".join([*rows, *map(one_line, foot)]), "; ".join(rows))
-            await asyncio.sleep(PERIOD_S)
-    finally:
-        if console is not None:
-            console.close()
-
-
-def _foot(links: Sequence[FleetLink], stop: FleetStop | None, keys: Keys) -> Iterator[str]:
-    yield ""
-    yield from (f"{link.endpoint}: {link.problem}" for link in links if link.problem)
-    if stop is None:
-        others = "".join(f"; {chr(key)}: {words}" for key, (words, _) in keys.items())
-        yield f"Space or Esc: e-stop to every car{others}"
-    else:
-        late = [car for car, took_s in stop.cars.items() if took_s is None]
-        yield f"e-stop sent to every car{'; NOT CONFIRMED by ' + ', '.join(late) if late else ', all have latched'}"

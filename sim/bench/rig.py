@@ -1,12 +1,10 @@
 """One `wallride run` process between the two ports, commanded and monitored as on a car, and otherwise unchanged."""
 
-import contextlib
 import ctypes
 import gc
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -20,9 +18,8 @@ from typing import Any, Final, Self
 
 from wallride.runtime.wire.ports import free_endpoint
 from wallride.sim.bench.course import BenchScans
-from wallride.sim.bench.devices import LidarPort, MotorCommand, MotorPort, Ports
+from wallride.sim.bench.devices import BenchTcpPort, LidarPort, MotorCommand, MotorPort, Ports
 
-READ_BYTES: Final = 4096
 START_TIMEOUT_S: Final = 20.0
 STOP_TIMEOUT_S: Final = 5.0
 FIFO_PRIORITY: Final = 20
@@ -37,47 +34,6 @@ _SETTINGS: Final = (
 )  # fmt: skip
 """Settings of a bench: no people are beside it, the linkage reaches both ends, the disk stays as it is. The rest is as
 shipped; measure a recording car with `--set recording.enabled=true`."""
-
-
-class BenchTcpPort:
-    """TCP port of this machine. address: in the form of the car's settings."""
-
-    def __init__(self) -> None:
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self._client: socket.socket | None = None
-        self.address = f"tcp://127.0.0.1:{self._listener.getsockname()[1]}"
-
-    @property
-    def fd(self) -> int:
-        """Return the descriptor to wait on."""
-        return (self._client or self._listener).fileno()
-
-    def read(self) -> bytes | None:
-        """Return the client's bytes, b"" when it has left, None when it has only just connected."""
-        if self._client is None:
-            self._client, _ = self._listener.accept()
-            self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            return None
-        try:
-            chunk = self._client.recv(READ_BYTES)
-        except ConnectionError:
-            chunk = b""
-        if not chunk:
-            self._client.close()
-            self._client = None
-        return chunk
-
-    def write(self, data: bytes) -> None:
-        """Write to the client; returns when the kernel has all of it."""
-        if self._client is not None:
-            with contextlib.suppress(ConnectionError):  # the car has gone; the measurement will notice
-                self._client.sendall(data)
-
-    def close(self) -> None:
-        """Close all descriptors."""
-        self._listener.close()
-        if self._client is not None:
-            self._client.close()
 
 
 class BenchError(Exception):

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from wallride.failure import needs
+from wallride.failure import later
 from wallride.line_options import add_reserve
 from wallride.parser import Commands, add_jobs, add_json, add_set, at_least, number
 from wallride.sim_options import add_car
@@ -49,7 +49,13 @@ def add(experiments: Commands) -> None:
     add_set(races)
     add_jobs(races)
     add_json(races, "the figures of every race")
-    races.set_defaults(run=_run, quick=False, side="left", own_parts="none", speeds=None)
+    races.set_defaults(
+        run=later("wallride.sim.races.command", "sim", "the simulator needs"),
+        quick=False,
+        side="left",
+        own_parts="none",
+        speeds=None,
+    )
 
 
 def _add_conditions(races: argparse.ArgumentParser) -> None:
@@ -86,9 +92,3 @@ def _seeds(text: str) -> tuple[int, ...]:
     if not all(part.isdecimal() for part in parts):
         raise argparse.ArgumentTypeError("write whole numbers with commas between them")
     return tuple(dict.fromkeys(map(int, parts)))
-
-
-def _run(options: argparse.Namespace) -> int:
-    with needs("sim", "the simulator needs"):
-        from wallride.sim.races.command import run
-    return run(options)

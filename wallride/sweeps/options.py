@@ -1,11 +1,9 @@
 """Options of `wallride lab sweep`, `compare` and `scenario`. The lab is imported when a command runs."""
 
 import argparse
-from importlib import import_module
 from pathlib import Path
-from typing import Any
 
-from wallride.failure import needs
+from wallride.failure import later
 from wallride.parser import Commands, add_jobs, add_json, add_set
 
 
@@ -18,14 +16,8 @@ def add(experiments: Commands) -> None:
 
 def _command(experiments: Commands, name: str, module: str, what: str, description: str) -> argparse.ArgumentParser:
     command = experiments.add_parser(name, help=what, description=description)
-    command.set_defaults(run=_run, module=module)
+    command.set_defaults(run=later(module, "sim", "the simulator needs"))
     return command
-
-
-def _run(options: argparse.Namespace) -> int:
-    with needs("sim", "the simulator needs"):
-        command: Any = import_module(options.module)
-    return int(command.run(options))
 
 
 def _add_sweep(experiments: Commands) -> None:
