@@ -26,15 +26,7 @@ from wallride import (
 )
 from wallride.bringup import calibrate_options, doctor_options, emulate_options, import_options
 from wallride.deploy import options as deploy_options
-from wallride.failure import (
-    TRACEBACK_VARIABLE,
-    USAGE_ERROR,
-    fail,
-    fail_at_place,
-    forget_output,
-    needs,
-    report,
-)
+from wallride.failure import TRACEBACK_VARIABLE, USAGE_ERROR, fail, fail_at_place, forget_output, needs, report
 from wallride.fleet import options as fleet_options
 from wallride.new import options as new_options
 from wallride.parser import Commands, GroupedParser, Parser, add_config, add_set, default_config

@@ -106,15 +106,9 @@ class FleetView:
         self._played = [PlayedNames(link.bus) for link in links]
         for link in links:
             bus = link.bus
-            bus.subscribe(
-                topics.key("*", topics.STATUS),
-                partial(self._on_status, link),
-            )
+            bus.subscribe(topics.key("*", topics.STATUS), partial(self._on_status, link))
             bus.watch(topics.key("*", topics.ALIVE), partial(self._on_token, link))
-            bus.watch(
-                topics.key("*", f"{topics.REFUSED}/*"),
-                partial(self._on_refused, link),
-            )
+            bus.watch(topics.key("*", f"{topics.REFUSED}/*"), partial(self._on_refused, link))
 
     def fields(self, only: str | None, now_s: float) -> list[dict[str, Any]]:
         """Return a row for each car that is present: name, endpoints, age_s of its status, status, trouble."""

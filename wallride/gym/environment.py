@@ -209,10 +209,7 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         )  # fmt: skip
         self._last = state
         self._ranges_m = np.nan_to_num(ranges_m, nan=RANGE_MAX_M)
-        return {
-            "scan": self._ranges_m.copy(),
-            "odometry": self._odometry.astype(np.float32),
-        }
+        return {"scan": self._ranges_m.copy(), "odometry": self._odometry.astype(np.float32)}
 
     def _info(self) -> dict[str, Any]:
         pose = self._twin.vehicle.pose
