@@ -1,11 +1,12 @@
-"""Options of `wallride param`. The client is imported when the command runs."""
+"""Options of `wallride param` and `wallride own-parts`. The client is imported when the command runs."""
 
 from wallride import client_options
 from wallride.parser import Commands, at_least
 
 
 def add(commands: Commands) -> None:
-    """Add `param` and its five actions."""
+    """Add both commands."""
+    _add_own_parts(commands)
     param = commands.add_parser("param", help="list, read, change and save the settings of a running car")
     actions = param.add_subparsers(dest="action", required=True, metavar="ACTION")
     listing = actions.add_parser("list", help="every setting with its value, range, unit and meaning")
@@ -25,3 +26,14 @@ def add(commands: Commands) -> None:
     for action in (listing, reading, setting, saving, past):
         client_options.add_common(action)
         action.set_defaults(run=client_options.client("parameters"))
+
+
+def _add_own_parts(commands: Commands) -> None:
+    parts = commands.add_parser("own-parts", help="parts of the car that its lidar sees: show or forget them")
+    actions = parts.add_subparsers(dest="action", required=True, metavar="ACTION")
+    showing = actions.add_parser("show", help="show position and time of learning")
+    forgetting = actions.add_parser("forget", help="learn them, and the dirt on the window, again; the car must stand")
+    for action in (showing, forgetting):
+        action.add_argument("--json", action="store_true", help="print JSON")
+        client_options.add_common(action)
+        action.set_defaults(run=client_options.client("own_parts"))
