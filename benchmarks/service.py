@@ -128,7 +128,7 @@ async def play_devices() -> None:
     from wallride.drivers.vesc.codec import MOTOR_PACKETS, Packet
     from wallride.sim.devices.scip import ScipEmulator
     from wallride.sim.devices.vesc import VescEmulator
-    from wallride.sim.recordings.sensor_units import to_sensor_mm
+    from wallride.sim.recordings.recording import to_sensor_mm
     from wallride.sim.virtual.devices import ranges_between_walls
 
     vesc, scip = VescEmulator(WIRE.with_name("vesc"), timeout_s=0.15), ScipEmulator()

@@ -29,7 +29,7 @@ import numpy as np
 from PIL import Image
 
 from wallride.runtime.map_files import read_settings
-from wallride.sim.bench.medians import median_of
+from wallride.sim.bench.measure import median_of
 from wallride.sim.car.vehicle import SpeedDemand, Vehicle
 from wallride.sim.world import compiled
 from wallride.sim.world.beams import LidarSettings, scan, true_ranges_m

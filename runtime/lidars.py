@@ -25,8 +25,7 @@ from wallride.runtime.own_drivers.motor import OwnMotor
 from wallride.runtime.own_drivers.running import DriverRun
 from wallride.runtime.own_drivers.settings import OwnLidarSettings, OwnMotorSettings
 from wallride.runtime.scan_topic import TopicLidar
-from wallride.runtime.settings.devices import AnyLidarSettings, AnyMotorSettings
-from wallride.runtime.settings.scan_topic import TopicLidarSettings
+from wallride.runtime.settings.devices import AnyLidarSettings, AnyMotorSettings, TopicLidarSettings
 
 
 def lidar_for(

@@ -18,7 +18,7 @@ from wallride.drivers.link import Tap
 from wallride.drivers.scan_check import ScanCheck
 from wallride.runtime.ros.graph import scan_source
 from wallride.runtime.ros.laser_scan import LaserScan, read_laser_scan
-from wallride.runtime.settings.scan_topic import TopicLidarSettings
+from wallride.runtime.settings.devices import TopicLidarSettings
 from wallride.runtime.teleop.rejections import Refusal
 from wallride.runtime.teleop.ros_drive import DriveSeries, Stamps
 from wallride.runtime.wire.ingress import MAX_INCOMING_B

@@ -1,10 +1,9 @@
 """Options of `wallride bench`. The benchmarks are imported when the command runs."""
 
-import argparse
 from pathlib import Path
 
-from wallride.failure import needs
-from wallride.parser import add_json, at_least
+from wallride.failure import later
+from wallride.parser import Commands, add_json, at_least
 
 MEASUREMENTS = {
     "latency": "latency from a scan's last byte to the motor's first; emulated devices, the unmodified process",
@@ -16,13 +15,13 @@ MEASUREMENTS = {
 }
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(commands: Commands) -> None:
     """Add the command and its measurements."""
     bench = commands.add_parser("bench", help="benchmarks on this machine")
     measurements = bench.add_subparsers(dest="measurement", required=True, metavar="MEASUREMENT")
     for name, what in MEASUREMENTS.items():
         parser = measurements.add_parser(name, help=what, description=what[:1].upper() + what[1:] + ".")
-        parser.set_defaults(run=run, plot=None)
+        parser.set_defaults(run=later("wallride.sim.bench.command", "sim", "benchmarks need"), plot=None)
         parser.add_argument(
             "--runs", type=at_least(1), metavar="N", help="number of runs; the median is reported (default: 3)"
         )
@@ -34,10 +33,3 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
             "--set", dest="assignments", action="append", default=[], metavar="KEY=VALUE",
             help="override one of the car's settings (repeatable)",
         )  # fmt: skip
-
-
-def run(options: argparse.Namespace) -> int:
-    """Measure; exit code 2 when a package of the simulator is missing, 1 when a run was broken."""
-    with needs("sim", "benchmarks need"):
-        from wallride.sim.bench.command import run as measure
-    return measure(options)

@@ -16,7 +16,6 @@ from wallride import (
     line_options,
     logs_options,
     monitor_options,
-    own_parts_options,
     param_options,
     replay_options,
     report_options,
@@ -26,18 +25,10 @@ from wallride import (
 )
 from wallride.bringup import calibrate_options, doctor_options, emulate_options, import_options
 from wallride.deploy import options as deploy_options
-from wallride.failure import (
-    TRACEBACK_VARIABLE,
-    USAGE_ERROR,
-    fail,
-    fail_at_place,
-    forget_output,
-    needs,
-    report,
-)
+from wallride.failure import TRACEBACK_VARIABLE, USAGE_ERROR, fail, fail_at_place, forget_output, needs, report
 from wallride.fleet import options as fleet_options
 from wallride.new import options as new_options
-from wallride.parser import GroupedParser, Parser, add_config, add_set, default_config
+from wallride.parser import Commands, GroupedParser, Parser, add_config, add_set, default_config
 from wallride.runtime.host.terminal_text import one_line, say
 from wallride.service import options as service_options
 from wallride.vesc import options as vesc_options
@@ -97,7 +88,7 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the parser; every name in it is a contract that scripts rely on."""
     parser = GroupedParser(prog="wallride", description="Drives a 1/10-scale autonomous racecar.")
     parser.add_argument("--version", action="version", version=f"wallride {_version()}")
-    commands: Any = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
+    commands: Commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
     _add_run_and_check(commands)
     sim_options.add(commands)
     emulate_options.add(commands)
@@ -115,7 +106,6 @@ def build_parser() -> argparse.ArgumentParser:
         monitor_options,
         topic_options,
         fleet_options,
-        own_parts_options,
         param_options,
         keys_options,
         logs_options,
@@ -132,7 +122,7 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_run_and_check(commands: Any) -> None:  # noqa: ANN401 - argparse has no public name for it
+def _add_run_and_check(commands: Commands) -> None:
     run = commands.add_parser("run", help="drive the car until SIGINT or SIGTERM")
     check = commands.add_parser("check", help="validate the settings and print the effective ones")
     run.set_defaults(run=_run)
@@ -154,7 +144,7 @@ def _add_run_and_check(commands: Any) -> None:  # noqa: ANN401 - argparse has no
     )
 
 
-def _add_build_kernel(commands: Any) -> None:  # noqa: ANN401 - argparse has no public name for it
+def _add_build_kernel(commands: Commands) -> None:
     build = commands.add_parser(
         "build-kernel",
         help="compile the hot functions on this machine",

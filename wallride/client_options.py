@@ -5,6 +5,7 @@ import getpass
 import os
 import socket
 from collections.abc import Callable, Coroutine
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,15 @@ def add_name(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def client(module: str, function: str = "run") -> Callable[[argparse.Namespace], int]:
+    """Return what runs a coroutine of `wallride.clients`, by the names of its module and itself; imported then."""
+
+    def run(options: argparse.Namespace) -> int:
+        return run_client(getattr(import_module(f"wallride.clients.{module}"), function), options)
+
+    return run
+
+
 def run_client(program: Callable[[argparse.Namespace], Coroutine[Any, Any, int]], options: argparse.Namespace) -> int:
     """Run a client's coroutine; an error that the user can correct becomes one line and exit code 2."""
     from wallride.clients.connection import ConnectionProblemError
@@ -60,18 +70,6 @@ def run_client(program: Callable[[argparse.Namespace], Coroutine[Any, Any, int]]
         return run_to_end(program(options))
     except ConnectionProblemError as problem:
         return fail(str(problem))
-
-
-def between(low: float, high: float) -> Callable[[str], float]:
-    """Return a converter of an option's text to a number within these bounds."""
-
-    def number(text: str) -> float:
-        value = float(text)
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g}")
-        return value
-
-    return number
 
 
 def port(text: str) -> int:

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 
 from wallride.failure import needs
+from wallride.parser import Commands
 
 SHELLS = ("bash", "zsh", "fish")
 INSTALL = {
@@ -14,9 +15,7 @@ INSTALL = {
 }
 
 
-def add(
-    commands: "argparse._SubParsersAction[argparse.ArgumentParser]", whole: Callable[[], argparse.ArgumentParser]
-) -> None:
+def add(commands: Commands, whole: Callable[[], argparse.ArgumentParser]) -> None:
     """Add the command. whole: builds the parser of all commands."""
     completion = commands.add_parser(
         "completion",

@@ -1,12 +1,14 @@
 """Errors that the user can correct: one sentence on stderr and exit code 2; and those that nothing expected."""
 
+import argparse
 import errno
 import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from pathlib import Path
 
 from wallride.runtime.host.extras import how_to_install
@@ -85,6 +87,17 @@ def needs(extra: str, subject: str) -> Iterator[None]:
             raise
         message = f"{subject} {error.name}: install it with {how_to_install(extra)}"
         raise SystemExit(fail(message)) from None
+
+
+def later(module: str, extra: str, subject: str) -> Callable[[argparse.Namespace], int]:
+    """Return what imports a module when its command runs, and calls its `run`; extra, subject: as of `needs`."""
+
+    def run(options: argparse.Namespace) -> int:
+        with needs(extra, subject):
+            command = import_module(module)
+        return int(command.run(options))
+
+    return run
 
 
 def report(error: Exception, command: str, environment: Mapping[str, str] = os.environ) -> int:

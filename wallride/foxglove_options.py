@@ -3,20 +3,16 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from wallride import client_options
 from wallride.failure import fail, needs
+from wallride.parser import Commands
 from wallride.runtime.host.terminal_text import say
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
-
 
 LAYOUT = "foxglove-layout.json"
 
 
-def add(commands: "Commands") -> None:
+def add(commands: Commands) -> None:
     """Add the command."""
     server = commands.add_parser("foxglove", help="a car's topics live in Foxglove, Lichtblick or PlotJuggler")
     server.add_argument(

@@ -3,16 +3,15 @@
 import argparse
 from pathlib import Path
 
-from wallride.client_options import between
 from wallride.failure import fail, needs
-from wallride.parser import add_config, default_config
+from wallride.parser import Commands, add_config, default_config, number
 from wallride.runtime.host.terminal_text import one_line, say
 
 DEFAULT_DIR = Path("/etc/wallride/keys")
 ROLES = ("viewer", "operator", "admin", "planner", "car")
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(commands: Commands) -> None:
     """Add the command and its five actions."""
     keys = commands.add_parser("keys", help="access to this car over the network: keys and roles")
     actions = keys.add_subparsers(dest="action", required=True, metavar="ACTION")
@@ -36,7 +35,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         action.set_defaults(run=run)
 
 
-def _add_person(actions: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argparse.ArgumentParser:
+def _add_person(actions: Commands) -> argparse.ArgumentParser:
     person = actions.add_parser("add", help="create keys for a person or a computer")
     person.add_argument(
         "name", metavar="NAME", help="a-z, 0-9, _ and -, up to 24 characters (a car: 32); shown as the operator"
@@ -52,7 +51,7 @@ def _add_person(actions: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     return person
 
 
-def _add_router(actions: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argparse.ArgumentParser:
+def _add_router(actions: Commands) -> argparse.ArgumentParser:
     router = actions.add_parser("router", help="create or update a router of a fleet: its keys and its configuration")
     router.add_argument("name", metavar="NAME", help="name of the router, by which cars and people reach it")
     router.add_argument(
@@ -73,7 +72,7 @@ def _add_router(actions: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         help="where its folder will be on the router's computer, for a start from elsewhere (default: any)",
     )
     router.add_argument(
-        "--scan-hz", type=between(0.1, 100), default=10.0, metavar="HZ",
+        "--scan-hz", type=number(0.1, 100), default=10.0, metavar="HZ",
         help="maximum rate of each car's scans for a viewer (default: 10)",
     )  # fmt: skip
     return router

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from wallride.experiments import race_options, report_options, tune_options
-from wallride.parser import add_jobs, add_json, add_set, at_least, number, writable_path
+from wallride.parser import Commands, add_jobs, add_json, add_set, at_least, number, writable_path
 from wallride.sim_options import add_car
 from wallride.sweeps import options as sweep_options
 
@@ -49,9 +49,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     sweep_options.add(experiments)
 
 
-def add_experiment(
-    experiments: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, what: str, *, fixed: bool
-) -> argparse.ArgumentParser:
+def add_experiment(experiments: Commands, name: str, what: str, *, fixed: bool) -> argparse.ArgumentParser:
     """Add an experiment. fixed: laws, speeds, floors, sides and seeds are its own."""
     parser = experiments.add_parser(name, help=what, description=what[:1].upper() + what[1:] + ".")
     parser.set_defaults(conditions=None, condition=[], own_parts=None)

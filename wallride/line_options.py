@@ -4,17 +4,13 @@ import argparse
 import math
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from wallride import replay_options
 from wallride.failure import fail, needs
-from wallride.parser import add_config, add_json, add_set, default_config, number, writable_files
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
+from wallride.parser import Commands, add_config, add_json, add_set, default_config, number, writable_files
 
 
-def add(commands: "Commands") -> None:
+def add(commands: Commands) -> None:
     """Add the commands."""
     _add_map(commands)
     _add_pose(commands)
@@ -44,7 +40,7 @@ def add(commands: "Commands") -> None:
     line.set_defaults(run=run)
 
 
-def _add_map(commands: "Commands") -> None:
+def _add_map(commands: Commands) -> None:
     map_ = commands.add_parser(
         "map",
         help="make a map of a recorded lap, with a verdict on it",
@@ -64,7 +60,7 @@ def _add_map(commands: "Commands") -> None:
     map_.set_defaults(run=partial(replay_options.run_offline, "wallride.sim.mapping.command", extra="map"))
 
 
-def _add_pose(commands: "Commands") -> None:
+def _add_pose(commands: Commands) -> None:
     pose = commands.add_parser(
         "pose",
         help="find where a recorded drive was on a map, scan by scan",

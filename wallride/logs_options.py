@@ -3,26 +3,22 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from wallride import client_options
-from wallride.parser import at_least
+from wallride.parser import Commands, at_least
 from wallride.runtime.host.terminal_text import say
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
 MB = 1_000_000
 
 
-def add(commands: "Commands") -> None:
+def add(commands: Commands) -> None:
     """Add both commands."""
     logs = commands.add_parser(
         "logs",
         help="recordings: list, get, keep, trim, info, recover",
         description="Without an action: list the recordings of this machine.",
     )
-    logs.set_defaults(run=_logs, print_line=say, local="", json=False)
+    logs.set_defaults(run=client_options.client("logs"), print_line=say, local="", json=False)
     actions = logs.add_subparsers(dest="action", metavar="ACTION")
     listing = actions.add_parser("list", help="list the recordings of a car or a local folder")
     getting = actions.add_parser("get", help="copy recordings from a car (default: the newest drive)")
@@ -46,11 +42,11 @@ def add(commands: "Commands") -> None:
         )  # fmt: skip
     _add_for_files(actions, listing)
     for action in actions.choices.values():
-        action.set_defaults(run=_logs, print_line=say, progress=_progress)
+        action.set_defaults(run=client_options.client("logs"), print_line=say, progress=_progress)
     _add_record(commands)
 
 
-def _add_for_files(actions: "Commands", listing: argparse.ArgumentParser) -> None:
+def _add_for_files(actions: Commands, listing: argparse.ArgumentParser) -> None:
     info = actions.add_parser("info", help="show the contents of a recording")
     mending = actions.add_parser("recover", help="repair a truncated recording in place")
     keeping = actions.add_parser("keep", help="protect recordings from deletion for new ones")
@@ -60,24 +56,12 @@ def _add_for_files(actions: "Commands", listing: argparse.ArgumentParser) -> Non
         action.add_argument("--json", action="store_true", help="print JSON")
 
 
-def _add_record(commands: "Commands") -> None:
+def _add_record(commands: Commands) -> None:
     record = commands.add_parser("record", help="start or stop a recording, independent of the drive")
     record.add_argument("action", choices=("start", "stop", "status"))
     record.add_argument("--json", action="store_true", help="print JSON")
     client_options.add_common(record)
-    record.set_defaults(run=_record, print_line=say)
-
-
-def _logs(options: argparse.Namespace) -> int:
-    from wallride.clients import logs
-
-    return client_options.run_client(logs.run, options)
-
-
-def _record(options: argparse.Namespace) -> int:
-    from wallride.clients import logs
-
-    return client_options.run_client(logs.record, options)
+    record.set_defaults(run=client_options.client("logs", "record"), print_line=say)
 
 
 def _progress(name: str, got_bytes: int, of_bytes: int) -> None:

@@ -3,15 +3,15 @@
 import argparse
 from pathlib import Path
 
-from wallride.client_options import add_common, add_name, between, port, run_client
+from wallride.client_options import add_common, add_name, port, run_client
 from wallride.failure import needs
-from wallride.parser import CONFIG_VARIABLE, add_config, named_config
+from wallride.parser import CONFIG_VARIABLE, Commands, add_config, named_config, number
 from wallride.runtime.host.terminal_text import say
 
 DEFAULT_PORT = 8447
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(commands: Commands) -> None:
     """Add the command and its options."""
     parser = commands.add_parser(
         "monitor",
@@ -35,11 +35,11 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     )
     parser.add_argument("--no-browser", dest="browser", action="store_false", help="only print the page's address")
     parser.add_argument(
-        "--max-speed", type=between(0.1, 20.0), default=1.5, metavar="MPS",
+        "--max-speed", type=number(0.1, 20.0), default=1.5, metavar="MPS",
         help="maximum speed of driving from the page (default: 1.5)",
     )  # fmt: skip
     parser.add_argument(
-        "--max-steering", type=between(0.05, 1.5), default=0.34, metavar="RAD",
+        "--max-steering", type=number(0.05, 1.5), default=0.34, metavar="RAD",
         help="maximum steering angle from the page (default: 0.34)",
     )  # fmt: skip
     add_config(

@@ -1,18 +1,15 @@
-"""Options of `wallride param`. The client is imported when the command runs."""
+"""Options of `wallride param` and `wallride own-parts`. The client is imported when the command runs."""
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from wallride import client_options
-from wallride.parser import add_config, at_least, default_config, number
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
+from wallride.parser import Commands, add_config, at_least, default_config, number
 
 
-def add(commands: "Commands") -> None:
-    """Add `param` and its six actions."""
+def add(commands: Commands) -> None:
+    """Add both commands."""
+    _add_own_parts(commands)
     param = commands.add_parser("param", help="list, read, change and save the settings of a running car")
     actions = param.add_subparsers(dest="action", required=True, metavar="ACTION")
     listing = actions.add_parser("list", help="every setting with its value, range, unit and meaning")
@@ -42,14 +39,7 @@ def add(commands: "Commands") -> None:
         action.add_argument("--json", action="store_true", help="print JSON")
     for action in (listing, reading, setting, saving, past):
         client_options.add_common(action)
-        action.set_defaults(run=run)
-
-
-def run(options: argparse.Namespace) -> int:
-    """Send the request to the car."""
-    from wallride.clients import parameters
-
-    return client_options.run_client(parameters.run, options)
+        action.set_defaults(run=client_options.client("parameters"))
 
 
 def run_race(options: argparse.Namespace) -> int:
@@ -58,3 +48,14 @@ def run_race(options: argparse.Namespace) -> int:
 
     options.config = options.config or default_config()
     return client_options.run_client(race_along.run, options)
+
+
+def _add_own_parts(commands: Commands) -> None:
+    parts = commands.add_parser("own-parts", help="parts of the car that its lidar sees: show or forget them")
+    actions = parts.add_subparsers(dest="action", required=True, metavar="ACTION")
+    showing = actions.add_parser("show", help="show position and time of learning")
+    forgetting = actions.add_parser("forget", help="learn them, and the dirt on the window, again; the car must stand")
+    for action in (showing, forgetting):
+        action.add_argument("--json", action="store_true", help="print JSON")
+        client_options.add_common(action)
+        action.set_defaults(run=client_options.client("own_parts"))

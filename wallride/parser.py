@@ -7,11 +7,13 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, Never
+from typing import Any, Final, Never, TypeAlias
 
 from wallride.failure import USAGE_ERROR, fail_at_place, forget_output
 from wallride.runtime.host.terminal_text import one_line, say
 
+Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # noqa: SLF001 - there is no public name
+"""Where a command is added to the others."""
 CHOICES = re.compile(r"invalid choice: '(?P<wrong>[^']*)' \(choose from (?P<choices>.*)\)", re.DOTALL)
 OPTION = re.compile(r"--[a-z][a-z-]+")
 

@@ -3,20 +3,16 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from wallride import client_options
 from wallride.failure import fail, needs
-from wallride.parser import add_json, number
+from wallride.parser import Commands, add_json, number
 from wallride.runtime.host.terminal_text import say
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
 KEYS = "space pauses, + and - change the speed, arrows go 5 s, page keys 30 s, home begins anew, q ends"
 
 
-def add(commands: "Commands") -> None:
+def add(commands: Commands) -> None:
     """Add the command."""
     replay = commands.add_parser(
         "replay",

@@ -3,17 +3,13 @@
 import argparse
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from wallride import client_options, replay_options
 from wallride.failure import needs
-from wallride.parser import add_json, number, writable_path
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
+from wallride.parser import Commands, add_json, number, writable_path
 
 
-def add(commands: "Commands") -> None:
+def add(commands: Commands) -> None:
     """Add both commands."""
     report = commands.add_parser("report", help="write a page about a recorded run, or two side by side")
     replay_options.add_file(report)

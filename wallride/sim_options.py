@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from wallride.parser import add_config, add_json, add_set, at_least, writable_path
+from wallride.parser import Commands, add_config, add_json, add_set, at_least, writable_path
 
 MAX_CARS = 32
 PICTURES = (".png", ".pdf", ".svg")
@@ -12,7 +12,7 @@ LIDARS = (
 )  # fmt: skip
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(commands: Commands) -> None:
     """Add the command and its options."""
     sim = commands.add_parser("sim", help="drive an emulated car through its real drivers")
     sim.set_defaults(run=run)

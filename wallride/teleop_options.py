@@ -3,15 +3,16 @@
 import argparse
 from pathlib import Path
 
-from wallride.client_options import add_common, add_name, between, run_client
+from wallride.client_options import add_common, add_name, run_client
 from wallride.failure import fail, needs
+from wallride.parser import Commands, number
 
 MAX_SPEED_MPS = 20.0
 FIRST_SPEED_MPS = 0.75
 """Default maximum speed; the page's slider starts at the same value."""
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(commands: Commands) -> None:
     """Add the command and its options."""
     parser = commands.add_parser(
         "teleop",
@@ -59,32 +60,32 @@ def _add_devices(parser: argparse.ArgumentParser) -> None:
 def _add_feel(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-speed",
-        type=between(0.1, MAX_SPEED_MPS),
+        type=number(0.1, MAX_SPEED_MPS),
         default=FIRST_SPEED_MPS,
         metavar="MPS",
         help=f"speed at full stick (default: {FIRST_SPEED_MPS:g})",
     )
     parser.add_argument(
         "--max-steering",
-        type=between(0.05, 1.5),
+        type=number(0.05, 1.5),
         default=0.34,
         metavar="RAD",
         help="steering at full stick (default: 0.34)",
     )
     parser.add_argument(
-        "--ramp", type=between(0.1, 100), default=2.0, metavar="MPS2",
+        "--ramp", type=number(0.1, 100), default=2.0, metavar="MPS2",
         help="maximum acceleration; slowing down is immediate (default: 2)",
     )  # fmt: skip
     parser.add_argument(
         "--expo",
-        type=between(0, 1),
+        type=number(0, 1),
         default=0.3,
         metavar="X",
         help="curve of the sticks, 0 linear to 1 cubic (default: 0.3)",
     )
     parser.add_argument(
         "--deadzone",
-        type=between(0, 0.5),
+        type=number(0, 0.5),
         default=0.08,
         metavar="X",
         help="dead zone in the middle of a stick (default: 0.08)",

@@ -1,17 +1,11 @@
 """Options of `wallride topic`, `wallride cars` and `wallride status`."""
 
-import argparse
-from typing import TYPE_CHECKING
-
 from wallride import client_options
-from wallride.parser import at_least, number
+from wallride.parser import Commands, at_least, number
 from wallride.runtime.host.terminal_text import say
 
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
-
-def add(commands: "Commands") -> None:
+def add(commands: Commands) -> None:
     """Add the three commands."""
     topic = commands.add_parser("topic", help="topics of a car: list, hz, bw, echo")
     actions = topic.add_subparsers(dest="action", required=True, metavar="ACTION")
@@ -36,11 +30,11 @@ def add(commands: "Commands") -> None:
     echo.add_argument("--whole", action="store_true", help="print arrays in full")
     for action in (listing, rate, volume, echo):
         client_options.add_common(action)
-        action.set_defaults(run=_topic, print_line=say)
+        action.set_defaults(run=client_options.client("topics"), print_line=say)
     _add_status(commands)
 
 
-def _add_status(commands: "Commands") -> None:
+def _add_status(commands: Commands) -> None:
     cars = commands.add_parser("cars", help="list cars with version and state; several endpoints: --connect A,B")
     status = commands.add_parser("status", help="state of a car and the reason why it moves or stands")
     status.add_argument("--watch", action="store_true", help="update until Ctrl-C")
@@ -49,23 +43,5 @@ def _add_status(commands: "Commands") -> None:
         command.add_argument("--json", action="store_true", help="print JSON")
     cars.add_argument("--watch", action="store_true", help="update until Ctrl-C; Space stops every car")
     client_options.add_name(cars)
-    cars.set_defaults(run=_cars, print_line=say)
-    status.set_defaults(run=_status, print_line=say)
-
-
-def _topic(options: argparse.Namespace) -> int:
-    from wallride.clients import topics
-
-    return client_options.run_client(topics.run, options)
-
-
-def _cars(options: argparse.Namespace) -> int:
-    from wallride.clients.fleet import cars
-
-    return client_options.run_client(cars.run, options)
-
-
-def _status(options: argparse.Namespace) -> int:
-    from wallride.clients import status
-
-    return client_options.run_client(status.run, options)
+    cars.set_defaults(run=client_options.client("fleet.cars"), print_line=say)
+    status.set_defaults(run=client_options.client("status"), print_line=say)

@@ -17,9 +17,8 @@ import numpy as np
 from benchmarks.lab.building_places import BuildingStart, building, is_held_out, places_on
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
-from wallride.sim.lab.figures import Row, chosen, common, distinct, errors, number, text
+from wallride.sim.lab.figures import Row, by_law, chosen, common, distinct, errors, number, text
 from wallride.sim.lab.laws import drive_case
-from wallride.sim.lab.tables import by_law
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import Pose, Side

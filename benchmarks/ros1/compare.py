@@ -25,9 +25,8 @@ import numpy as np
 
 from wallride.sim.bench import measure
 from wallride.sim.bench.command import machine
-from wallride.sim.bench.cost import ProcessMeter
 from wallride.sim.bench.course import BenchScans, make_course
-from wallride.sim.bench.medians import median_of
+from wallride.sim.bench.measure import ProcessMeter, median_of
 from wallride.sim.bench.rig import FIFO_PRIORITY, another_computer
 
 HERE = Path(__file__).resolve().parent

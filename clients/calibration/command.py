@@ -29,8 +29,7 @@ from wallride.clients.status import lost_device
 from wallride.clients.teleop import terminal
 from wallride.runtime.calibration import proposals
 from wallride.runtime.calibration.proposals import Proposal
-from wallride.runtime.host.questions import asked, yes_or_no
-from wallride.runtime.host.terminal_text import say
+from wallride.runtime.host.terminal_text import asked, say, yes_or_no
 from wallride.runtime.parameters.file import StoreError
 from wallride.runtime.settings.tree import SettingsError
 from wallride.runtime.wire import topics

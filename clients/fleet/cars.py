@@ -1,4 +1,9 @@
-"""`wallride cars`: every car at every endpoint with its state, and names that two cars want."""
+"""`wallride cars`: every car at every endpoint with its state, and names that two cars want.
+
+A status comes from another computer: a car with a fault, or one that was taken over, may send anything under its own
+name. What does not fit the shape that screens read is refused whole, so that no reader meets a word where it expects
+a number.
+"""
 
 import argparse
 import asyncio
@@ -8,16 +13,19 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, StringConstraints
 
 from wallride.clients.fleet.links import FleetLink, fleet_links
-from wallride.clients.fleet.status_shape import check_status
 from wallride.clients.fleet.watching import watch
 from wallride.clients.played import NOTHING_DRIVES, PlayedNames
 from wallride.clients.status import headline
 from wallride.runtime.host.terminal_text import one_line
 from wallride.runtime.wire import topics
 
+Short = Annotated[str, StringConstraints(max_length=64)]
+Words = Annotated[str, StringConstraints(max_length=1000)]
 WITHIN_S = 1.0
 OLD_S = 1.0
 MAX_STARTS = 8
@@ -26,6 +34,57 @@ UNREADABLE = "its status cannot be read"
 Row = Mapping[str, Any]
 Shown = TypeVar("Shown")
 TakeStatus = Callable[[str, Mapping[str, Any], float], None]
+
+
+class _Part(BaseModel):
+    """A part of the status: exact types, finite numbers; what else is in it is not read."""
+
+    model_config = ConfigDict(strict=True, extra="ignore", allow_inf_nan=False)
+
+
+class _Condition(_Part):
+    state: Short = ""
+
+
+class _Output(_Part):
+    winner: Short
+    reason: Words
+    speed_mps: float | None
+    measure: float | None = None
+
+
+class _Battery(_Part):
+    voltage_v: float | None = None
+    trouble: Words | None = None
+
+
+class _Error(_Part):
+    mean_abs_m: float | None = None
+
+
+class _Status(_Part):
+    """Every field may be missing: cars of other versions say less."""
+
+    session: Short | None = None
+    version: Short | None = None
+    state: Short | None = None
+    stamp_s: float | None = None
+    speed_mps: float | None = None
+    condition: _Condition | None = None
+    output: _Output | None = None
+    gates: dict[Short, Words] | None = None
+    battery: _Battery | None = None
+    distance_error: _Error | None = None
+
+
+def check_status(status: Mapping[str, Any]) -> None:
+    """Refuse a status of another shape: ValueError. The race checks the pose by itself.
+
+    Every number is finite, also in parts that are not read here: `wallride cars --json` passes all of them on, and one
+    Infinity among them (JSON's 1e999) would keep other programs from reading the rows of all cars.
+    """
+    _Status.model_validate(dict(status))
+    json.dumps(dict(status), allow_nan=False)
 
 
 class FleetView:
@@ -47,15 +106,9 @@ class FleetView:
         self._played = [PlayedNames(link.bus) for link in links]
         for link in links:
             bus = link.bus
-            bus.subscribe(
-                topics.key("*", topics.STATUS),
-                partial(self._on_status, link),
-            )
+            bus.subscribe(topics.key("*", topics.STATUS), partial(self._on_status, link))
             bus.watch(topics.key("*", topics.ALIVE), partial(self._on_token, link))
-            bus.watch(
-                topics.key("*", f"{topics.REFUSED}/*"),
-                partial(self._on_refused, link),
-            )
+            bus.watch(topics.key("*", f"{topics.REFUSED}/*"), partial(self._on_refused, link))
 
     def fields(self, only: str | None, now_s: float) -> list[dict[str, Any]]:
         """Return a row for each car that is present: name, endpoints, age_s of its status, status, trouble."""

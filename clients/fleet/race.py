@@ -7,8 +7,7 @@ from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
 
-from wallride.clients.fleet.lap_timer import LapTime, LapTimer, RacePose
-from wallride.clients.fleet.start_line import StartLine
+from wallride.clients.fleet.lap_timer import LapTime, LapTimer, RacePose, StartLine
 
 STANDS_S = 3.0
 SILENT_S = 1.0

@@ -8,9 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.fleet.cars import FleetView
+from wallride.clients.fleet.lap_timer import StartLine, line_between
 from wallride.clients.fleet.links import fleet_links, telling_what_is_awaited, unopened
 from wallride.clients.fleet.race import Order, RaceControl, Standing
-from wallride.clients.fleet.start_line import StartLine, line_between
 from wallride.clients.fleet.watching import watch
 
 EVERY_S = 1.0

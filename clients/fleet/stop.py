@@ -58,10 +58,7 @@ class FleetStop:
         self._played = [PlayedNames(link.bus) for link in links]
         for link in links:
             link.bus.watch(topics.key("*", topics.ALIVE), partial(self._on_token, link))
-            link.bus.subscribe(
-                topics.key("*", topics.BEAT),
-                partial(self._on_beat, link),
-            )
+            link.bus.subscribe(topics.key("*", topics.BEAT), partial(self._on_beat, link))
             link.bus.watch(topics.key("*", f"{topics.REFUSED}/*"), partial(self._on_refused, link))
 
     def press(self, now_s: float) -> None:

@@ -13,12 +13,10 @@ from aiohttp import web
 from wallride.clients.connection import connected
 from wallride.clients.door.auth import DoorAuth, door_auth, is_loopback
 from wallride.clients.door.door import Door
-from wallride.clients.door.listening import listening
-from wallride.clients.door.token_file import login_token
+from wallride.clients.door.listening import listening, login_token
 from wallride.clients.ending import interrupted
-from wallride.clients.foxglove.channels import CarChannels
 from wallride.clients.foxglove.control import EStop, ViewedSettings
-from wallride.clients.foxglove.viewer import LONGEST, PROTOCOLS, Served, Viewer
+from wallride.clients.foxglove.viewer import LONGEST, PROTOCOLS, CarChannels, Served, Viewer
 
 log = logging.getLogger("wallride.foxglove")
 

@@ -5,8 +5,11 @@ hands are its deadman. Values are written only into a file that the monitor was 
 """
 
 import logging
+import math
 import queue
 import threading
+import time
+from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -20,10 +23,12 @@ from wallride.clients.calibration.steps import CalibrationProgress, DrivenStep, 
 from wallride.clients.calibration.ways import CalibrationError
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.decoding import UnreadableError
+from wallride.clients.monitor.driving import REMEMBERED_BEATS, SILENT_S
 from wallride.clients.monitor.messages import Calibrate, InputState
-from wallride.clients.monitor.page_deadman import PageDeadman
 from wallride.clients.remote.car import RemoteCar
 from wallride.clients.remote.driver import DriveRefusedError
+from wallride.clients.teleop.inputs import Control
+from wallride.clients.teleop.pilot import LINK_LOST_S
 from wallride.runtime.calibration import proposals
 from wallride.runtime.calibration.proposals import Proposal
 from wallride.runtime.parameters.file import StoreError
@@ -31,6 +36,8 @@ from wallride.runtime.settings.tree import SettingsError
 from wallride.runtime.wire.network import RefusedError
 from wallride.runtime.wire.teleop import Beat
 
+PERIOD_S = 0.02
+MANUAL = frozenset({Control.MANUAL})
 log = logging.getLogger("wallride.monitor")
 
 ENDS_WITHIN_S = 2.0
@@ -39,6 +46,70 @@ EXPECTED = (
     UnreadableError,
 )  # fmt: skip
 Stage = Literal["connecting", "ready", "hold", "driving", "measured", "ended"]
+
+
+class PageDeadman:
+    """Implements HeldDeadman by the rules of driving from a page (`driving`).
+
+    It is held while the page says so, again and again, with a heartbeat of the car that is fresh; and only after the
+    page was seen with nothing held. A page that is silent, late, hidden or closed holds nothing, and has to release
+    first. `is_held`, `wait` and `renew` are called in the thread that drives.
+
+    ended: why it is over for good, "" while it is not.
+    """
+
+    key, again = "the page's deadman", "Let go, and hold again."
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self.ended = ""
+        self._clock = clock
+        self._beats: OrderedDict[tuple[int, int], float] = OrderedDict()
+        self._heard_s = -math.inf
+        self._released = self._held = self._left = False
+
+    def hear(self, beat: Beat, arrival_s: float) -> None:
+        """Note a heartbeat of the car."""
+        self._beats[beat.car_session, beat.beat] = arrival_s
+        if len(self._beats) > REMEMBERED_BEATS:
+            self._beats.popitem(last=False)
+
+    def take(self, hands: InputState, now_s: float) -> None:
+        """Take a message of the page."""
+        late = now_s - self._beats.get((hands.car_session, hands.beat), -math.inf) > LINK_LOST_S
+        if late or now_s - self._heard_s > SILENT_S:
+            self.lose()
+        self._heard_s = now_s
+        self._released = not late and (self._released or not hands.held)
+        self._held = self._released and hands.controls == MANUAL
+
+    def lose(self) -> None:
+        """Count nothing as held until the page was seen released."""
+        self._released = self._held = False
+
+    def leave(self) -> None:
+        """Lose it, and give up waiting for it: the page switched its driving off, or was hidden."""
+        self.lose()
+        self._left = True
+
+    def end(self, why: str) -> None:
+        """End it for good; who waits for it, or drives with it, gets a LetGoError."""
+        self.lose()
+        self.ended = self.ended or why
+
+    def is_held(self) -> bool:
+        """Return whether it is held now; LetGoError once it has ended."""
+        if self.ended:
+            raise LetGoError(self.ended)
+        return self._held and self._clock() - self._heard_s <= SILENT_S
+
+    def renew(self) -> None:
+        """Wait until it was released, and is held; LetGoError when the page leaves off meanwhile."""
+        self.lose()
+        self._left = False
+        while not self.is_held():
+            if self._left:
+                raise LetGoError("driving was switched off at the page")
+            time.sleep(PERIOD_S)
 
 
 class PageCalibration:

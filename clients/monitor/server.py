@@ -1,33 +1,50 @@
-"""`wallride monitor`: the web server. Serves the page, and one WebSocket per page; knows nothing about cars itself."""
+"""`wallride monitor`: the web server. Serves the page, and one WebSocket per page; knows nothing about cars itself.
+
+The browser is handed the page's address in a file that only this user can read, because an address on a command line,
+as every opener of browsers has it, is shown to all users of a computer (ps).
+"""
 
 import argparse
 import asyncio
 import contextlib
+import html
+import io
 import logging
+import os
+import sys
+import tempfile
 import webbrowser
-from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass
+from importlib import resources
 from importlib.metadata import version
+from importlib.resources.abc import Traversable
 from pathlib import Path
 
+import segno
 from aiohttp import web
 
 from wallride.clients.connection import endpoint_configs
 from wallride.clients.door.auth import DoorAuth, door_auth, is_loopback
 from wallride.clients.door.door import HEADERS, Door
-from wallride.clients.door.listening import listening
-from wallride.clients.door.token_file import login_token
+from wallride.clients.door.listening import listening, login_token
 from wallride.clients.ending import stopping
 from wallride.clients.fleet.links import telling_what_is_awaited
-from wallride.clients.monitor import assets
-from wallride.clients.monitor.handover import handed_over
 from wallride.clients.monitor.messages import LONGEST
-from wallride.clients.monitor.qr import qr_lines
 from wallride.clients.monitor.relay import CarEndpoint, Relay
 from wallride.clients.monitor.session import Host, PageSession
 from wallride.clients.teleop.shaping import InputShape
 from wallride.runtime.ending import end
 
+INDEX = "index.html"
+TYPES = {
+    ".html": "text/html",
+    ".css": "text/css",
+    ".js": "text/javascript",
+    ".svg": "image/svg+xml",
+    ".webmanifest": "application/manifest+json",
+}
 log = logging.getLogger("wallride.monitor")
 
 GOODBYE = "The monitor was ended. Start it again: wallride monitor."
@@ -36,16 +53,42 @@ MAX_REASON_B = 123
 
 HOST: web.AppKey[Host] = web.AppKey("host", Host)
 DOOR: web.AppKey[Door] = web.AppKey("door", Door)
+FULL_BLOCK = "█"
+PAGE = """<!doctype html><meta charset="utf-8"><meta name="referrer" content="no-referrer"><title>wallride</title>
+<meta http-equiv="refresh" content="0; url={address}"><p><a href="{address}">to the car</a></p>
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Asset:
+    """One file: its media type and its bytes."""
+
+    content_type: str
+    body: bytes
+
+
+def read_all() -> dict[str, Asset]:
+    """Return every file of the page by its path, such as `controls/hands.js`."""
+    return dict(_files_in(resources.files("wallride.clients.monitor").joinpath("page"), ""))
+
+
+def _files_in(folder: Traversable, path: str) -> Iterator[tuple[str, Asset]]:
+    for file in folder.iterdir():
+        content_type = TYPES.get("." + file.name.rpartition(".")[2])
+        if file.is_dir():
+            yield from _files_in(file, f"{path}{file.name}/")
+        elif content_type is not None:
+            yield path + file.name, Asset(content_type, file.read_bytes())
 
 
 def application(host: Host, auth: DoorAuth) -> web.Application:
     """Return the web application."""
-    files = assets.read_all()
+    files = read_all()
     door = Door(auth, log, longest=2 * LONGEST)
 
     async def file(request: web.Request) -> web.Response:
-        name = request.match_info.get("name") or assets.INDEX
-        token = None if name == assets.INDEX else auth.token  # the page's parts are no secret
+        name = request.match_info.get("name") or INDEX
+        token = None if name == INDEX else auth.token  # the page's parts are no secret
         if refusal := door.refusal(request, token=token):
             return refusal
         asset = files.get(name)
@@ -146,3 +189,28 @@ def places(options: argparse.Namespace) -> Sequence[CarEndpoint]:
 def _open_browser(url: str, print_line: Callable[[str], object]) -> None:
     if not webbrowser.open(url):
         print_line("no browser could be opened from here; open the address by hand")
+
+
+def qr_lines(address: str, encoding: str | None = None) -> str:
+    """Return the code as lines of half blocks; "" where the terminal's encoding has none.
+
+    encoding: of the terminal, by default that of standard output.
+    """
+    try:
+        FULL_BLOCK.encode(encoding or sys.stdout.encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return ""
+    out = io.StringIO()
+    segno.make(address, error="l", micro=False).terminal(out=out, border=2, compact=True)
+    return out.getvalue().rstrip("\n")
+
+
+@contextmanager
+def handed_over(url: str, environment: Mapping[str, str] = os.environ) -> Iterator[str]:
+    """Yield the file's address while the block runs. Its folder is this login's own, or a new one of mode 700."""
+    place = environment.get("XDG_RUNTIME_DIR") or None
+    with tempfile.TemporaryDirectory(prefix="wallride-monitor-", dir=place, ignore_cleanup_errors=True) as folder:
+        file = Path(folder) / "page.html"
+        with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600), "w") as out:
+            out.write(PAGE.format(address=html.escape(url)))
+        yield file.as_uri()

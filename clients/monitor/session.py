@@ -11,7 +11,7 @@ from typing import Any
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
-from wallride.clients.door.connections import shortened
+from wallride.clients.door.door import shortened
 from wallride.clients.monitor import messages
 from wallride.clients.monitor.calibration import PageCalibrator
 from wallride.clients.monitor.command_run import RunCommand, run_command

@@ -7,10 +7,9 @@ import os
 import socket
 import threading
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final, Self
 
 from wallride.clients.answers import why_unanswered
@@ -22,11 +21,10 @@ from wallride.clients.connection import (
     open_bus,
     with_one_endpoint,
 )
-from wallride.clients.parameters import ask
+from wallride.clients.parameters import MAX_NAME_LENGTH, ask
 from wallride.clients.played import NOTHING_DRIVES
 from wallride.clients.remote.driver import RemoteDriver, checked_hand
 from wallride.clients.remote.loop_thread import CLOSED, LoopThread
-from wallride.clients.remote.parameters import RemoteParameters
 from wallride.clients.remote.planner import RemotePlanner
 from wallride.clients.remote.stream import Stream
 from wallride.clients.remote.values import value_of
@@ -35,9 +33,44 @@ from wallride.runtime.recording import requests
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 
+Ask = Callable[..., Mapping[str, Any]]
 DEFAULT_AT: Final = "tcp/127.0.0.1:7447"
 BUFFER: Final = 1000
 SILENT_S: Final = 5.0
+
+
+class RemoteParameters:
+    """Settings by their dotted names; a change takes effect at once, or is refused whole (RefusedError).
+
+    ask: sends one question to the car's parameter server.
+    """
+
+    def __init__(self, ask: Ask) -> None:
+        self._ask = ask
+        self._by = ""
+        with suppress(KeyError, OSError):  # a user without a name, as in some containers
+            self._by = getpass.getuser()[:MAX_NAME_LENGTH]
+
+    def __getitem__(self, name: str) -> Any:  # noqa: ANN401 - a number, text, flag or list
+        return self._ask("get", names=[name])["values"][name]
+
+    def __setitem__(self, name: str, value: object) -> None:
+        self.update({name: value})
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.describe())
+
+    def update(self, values: Mapping[str, object]) -> None:
+        """Change several settings, all or none."""
+        self._ask("set", values=dict(values), by=self._by)
+
+    def describe(self, under: str = "") -> dict[str, Mapping[str, Any]]:
+        """Return value, default, range, unit and sentence of each setting whose name begins so."""
+        return {entry["name"]: entry for entry in self._ask("list", under=under)["parameters"]}
+
+    def save(self) -> None:
+        """Write the changes to the car's settings file."""
+        self._ask("save", by=self._by)
 
 
 class RemoteCar:
@@ -67,17 +100,13 @@ class RemoteCar:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     async def __aenter__(self) -> Self:
         return self
 
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:

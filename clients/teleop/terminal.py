@@ -4,7 +4,6 @@ import contextlib
 import os
 import sys
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any
 
 from wallride.clients.teleop import key_bytes
@@ -98,9 +97,7 @@ class Terminal:
                 _write(key_bytes.ENTER)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self.releases:
             _write(key_bytes.LEAVE)
         self._console.close()

@@ -5,10 +5,14 @@ would turn words around. Every command prints by `say`, and text of others is on
 """
 
 import sys
-from typing import Final, TextIO
+from collections.abc import Callable
+from typing import Final, TextIO, TypeVar
 
 LONGEST: Final = 2000
 CLEAR_SCREEN: Final = "\x1b[H\x1b[2J"
+Answer = TypeVar("Answer")
+YES, NO = frozenset({"y", "yes"}), frozenset({"n", "no"})
+CHOICES = {True: "[Y/n]", False: "[y/N]", None: "[y/n]"}
 
 
 def one_line(text: object, most: int = LONGEST) -> str:
@@ -30,3 +34,34 @@ def _escaped(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
+
+
+def yes_or_no(question: str, *, default: bool | None = None) -> bool | None:
+    """Return the answer. default: of Enter and of a closed terminal; None: Enter is asked again."""
+
+    def read(text: str) -> bool | None:
+        word = text.lower()
+        if word not in YES | NO:
+            raise ValueError("type y or n")
+        return word in YES
+
+    return asked(f"{question} {CHOICES[default]} ", read, default, needed=default is None)
+
+
+def asked(question: str, read: Callable[[str], Answer], default: Answer, *, needed: bool = False) -> Answer:
+    """Return what `read` makes of the typed text; it raises ValueError with the remedy, and the question comes again.
+
+    default: of Enter, unless an answer is needed, and of a closed terminal.
+    """
+    while True:
+        try:
+            text = input(question).strip()
+        except EOFError:
+            say()  # the cursor is behind the question
+            return default
+        if not text and not needed:
+            return default
+        try:
+            return read(text)
+        except ValueError as error:
+            say(f"  {error}")

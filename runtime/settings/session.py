@@ -1,9 +1,9 @@
-"""Settings of the car's session: endpoints and keys."""
+"""Settings of the car's session, endpoints and keys, and of its parameter server."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import field_validator
+from pydantic import Field, field_validator
 
 from wallride.runtime.settings_base import Section
 from wallride.runtime.wire.endpoints import check_listening
@@ -46,3 +46,17 @@ class SessionSettings(Section):
     def _guarded(cls, listen: tuple[str, ...]) -> tuple[str, ...]:
         check_listening(listen)
         return listen
+
+
+class ParameterSettings(Section):
+    """Bounds of the history of live changes."""
+
+    history: Annotated[int, Field(ge=1, le=1000)] = 100
+    """Number of remembered changes."""
+    history_file: str = ""
+    """File of the changes, written at most once a second; empty: in memory only."""
+
+    @property
+    def history_path(self) -> Path | None:
+        """The file of the changes, None without one."""
+        return Path(self.history_file) if self.history_file else None

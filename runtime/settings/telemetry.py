@@ -1,10 +1,11 @@
-"""Settings of telemetry: the topics sent over zenoh, and their rates."""
+"""Settings of telemetry: the topics sent over zenoh, their rates, and their form for ROS 2 through rmw_zenoh."""
 
 from typing import Annotated
 
 from pydantic import Field
 
 from wallride.runtime.settings_base import Section
+from wallride.runtime.wire.rmw_zenoh import MAX_DOMAIN, Distro
 
 Rate = Annotated[float, Field(ge=0, le=200)]
 """Maximum rate [1/s]; 0 is never. A topic is never sent more often than it changes."""
@@ -64,3 +65,16 @@ class TelemetryRates(Section):
     """Rates of the topics, a part of the [telemetry] section."""
 
     rates_hz: RatesHz = RatesHz()
+
+
+class Ros2Settings(Section):
+    """The [ros2] section; rates are those of [telemetry.rates_hz]."""
+
+    enabled: bool = False
+    """Publish the topics for ROS 2 as well; those without a subscriber are not written (docs/ros2.md)."""
+    domain: Annotated[int, Field(ge=0, le=MAX_DOMAIN)] = 0
+    """ROS_DOMAIN_ID of the ROS 2 computers."""
+    distro: Distro = Distro.JAZZY
+    """Distribution of the ROS 2 computers. Humble and later ones do not mix."""
+    drive: bool = False
+    """Take AckermannDriveStamped on /drive as the planner `ros2`; needs planners.enabled (docs/planners.md)."""

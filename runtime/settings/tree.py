@@ -41,15 +41,11 @@ from wallride.runtime.settings.devices import (
     ChosenMotor,
 )
 from wallride.runtime.settings.imports import import_named, search_beside
-from wallride.runtime.settings.joystick import JoystickSettings
-from wallride.runtime.settings.operator import OperatorSettings
-from wallride.runtime.settings.parameters import ParameterSettings
-from wallride.runtime.settings.planners import PlannerSettings
+from wallride.runtime.settings.operator import JoystickSettings, OperatorSettings, PlannerSettings
 from wallride.runtime.settings.pose_map import PoseMapSettings
 from wallride.runtime.settings.recording import RecordingSettings
-from wallride.runtime.settings.ros2 import Ros2Settings
-from wallride.runtime.settings.session import SessionSettings
-from wallride.runtime.settings.telemetry import TelemetryRates
+from wallride.runtime.settings.session import ParameterSettings, SessionSettings
+from wallride.runtime.settings.telemetry import Ros2Settings, TelemetryRates
 from wallride.runtime.settings_base import Section
 from wallride.runtime.wire.rmw_zenoh import ROS2_PLANNER, RosGraph, node_name
 

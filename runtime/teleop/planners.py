@@ -25,10 +25,9 @@ from wallride.runtime.arbitration.command_queue import CommandQueue
 from wallride.runtime.arbitration.permit import Permit
 from wallride.runtime.host.rate_limited_log import RateLimitedLog
 from wallride.runtime.ros.commands import read_ackermann
-from wallride.runtime.teleop.freshness import Beats
 from wallride.runtime.teleop.rejections import Refusal, Refusals
 from wallride.runtime.teleop.ros_drive import DriveSeries, Stamps
-from wallride.runtime.teleop.sessions import SessionGate
+from wallride.runtime.teleop.sessions import Beats, SessionGate
 from wallride.runtime.wire.rmw_zenoh import ROS2_PLANNER, read_attachment
 from wallride.runtime.wire.teleop import Command, Malformed, Press, read_command
 

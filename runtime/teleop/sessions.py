@@ -1,18 +1,54 @@
 """The clients' sessions: one record per client, at most MAX_SESSIONS, and the gate that every command must pass.
 
-The gate checks two things only: whether the command is fresh (see `freshness`), and whether it is newer than the last
-of its session. Its content is evaluated elsewhere.
+The gate checks two things only: whether the command is fresh, and whether it is newer than the last of its session. Its
+content is evaluated elsewhere. The car numbers its heartbeats and remembers when it sent each; an operator echoes the
+newest one received, so a command is at most as old as that heartbeat: the time covers the way to the operator, the way
+back, and every queue in between, and no two clocks need to agree.
 """
 
+from collections import deque
 from dataclasses import dataclass
 
-from wallride.runtime.teleop.freshness import Beats, newer
+from wallride.drivers.api import Clock
 from wallride.runtime.teleop.rejections import Refusal
 from wallride.runtime.wire.teleop import Command
 
+REMEMBERED_BEATS = 512
+"""Number of heartbeats whose sending times are kept: ten seconds at 50 Hz. Older ones count as unknown: a command that
+old is not obeyed anyway."""
+_U32 = 0xFFFF_FFFF
+_HALF = 0x8000_0000
 MAX_SESSIONS = 64
 """Maximum number of sessions: more clients at once than any class has. Further sessions of a valid key are refused, not
 obeyed."""
+
+
+def newer(number: int, than: int) -> bool:
+    """Compare 32-bit counters that wrap around: at most 2**31 ahead is newer (serial numbers, RFC 1982)."""
+    return 0 < (number - than) & _U32 < _HALF
+
+
+class Beats:
+    """The car's numbered heartbeats and the sending time of each.
+
+    number: the newest; 0 before the first.
+    """
+
+    def __init__(self, clock: Clock, number: int = 0) -> None:
+        self._clock = clock
+        self._sent_s: deque[float] = deque(maxlen=REMEMBERED_BEATS)
+        self.number = number
+
+    def count_sent(self) -> int:
+        """Count one more heartbeat, which is sent now; return its number."""
+        self.number = (self.number + 1) & _U32
+        self._sent_s.append(self._clock())
+        return self.number
+
+    def sent_at_s(self, number: int) -> float | None:
+        """Return the sending time of a heartbeat; None for one of the future, of another car or forgotten."""
+        back = (self.number - number) & _U32
+        return self._sent_s[-1 - back] if back < len(self._sent_s) else None
 
 
 @dataclass(slots=True, eq=False)

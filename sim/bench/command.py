@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from wallride.runtime.host.output_files import write_answer
 from wallride.sim.bench import measure
-from wallride.sim.bench.medians import median_of
+from wallride.sim.bench.measure import median_of
 from wallride.sim.bench.rig import BenchError
 
 Measurement = Callable[[measure.MeasurementPlan], dict[str, Any]]

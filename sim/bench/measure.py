@@ -3,19 +3,23 @@
 import gc
 import itertools
 import os
+import statistics
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from pathlib import Path
+from typing import Any, Self
 
 from wallride.sim.bench.answers import onsets, pair
-from wallride.sim.bench.cost import Cost, ProcessMeter
 from wallride.sim.bench.course import BenchScans, make_course
 from wallride.sim.bench.rig import BenchError, Rig, SentScan
 
+_PROC = Path("/proc")
+_TICK_HZ = os.sysconf("SC_CLK_TCK")
 RATE_HZ = 40.0
 ONSET_EVERY = 20
 ONSET_LENGTH = 6
@@ -23,6 +27,71 @@ RATES_HZ = (100, 200, 300, 400, 500, 600, 700, 800, 900, 1000)
 BEAMS = (361, 721, 1081, 2161, 4321)
 FAST_STEERING = ("car.steering_rate_radps=50",)
 """Settings for hundreds of scans a second, where the limiter would remove the difference that identifies an answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """cpu: cores, by thread name. pss_mib: memory, shared pages in proportion. others: cores that others used."""
+
+    cpu: Mapping[str, float]
+    pss_mib: float
+    threads: int
+    others: float
+
+    @property
+    def cores(self) -> float:
+        """Return the cores of all threads together."""
+        return sum(self.cpu.values())
+
+
+class ProcessMeter:
+    """Measures processes from now until `stop`. began_s: when that began (monotonic)."""
+
+    def __init__(self, pids: Sequence[int]) -> None:
+        self._pids = pids
+        self.began_s = time.monotonic()
+        self._threads_s = _threads_s(pids)
+        self._machine_s = _machine_s()
+
+    @classmethod
+    def of(cls, pid: int) -> Self:
+        """Measure one process."""
+        return cls([pid])
+
+    def stop(self) -> Cost:
+        """Return the cost since the start."""
+        elapsed_s = time.monotonic() - self.began_s
+        cpu: dict[str, float] = {}
+        for thread, spent_s in _threads_s(self._pids).items():
+            name = thread[1]
+            cpu[name] = cpu.get(name, 0.0) + (spent_s - self._threads_s.get(thread, 0.0)) / elapsed_s
+        others = (_machine_s() - self._machine_s) / elapsed_s - sum(cpu.values())
+        pss_kib = sum(_pss_kib(pid) for pid in self._pids)
+        threads = sum(len(list((_PROC / str(pid) / "task").iterdir())) for pid in self._pids)
+        return Cost({name: used for name, used in cpu.items() if used > 0}, pss_kib / 1024, threads, others)
+
+
+def _threads_s(pids: Sequence[int]) -> dict[tuple[str, str], float]:
+    """Return the CPU time of every thread; ended threads are missing."""
+    spent: dict[tuple[str, str], float] = {}
+    for pid in pids:
+        for task in (_PROC / str(pid) / "task").iterdir():
+            name = (task / "comm").read_text().strip()
+            spent[task.name, name] = int((task / "schedstat").read_text().split()[0]) / 1e9
+    return spent
+
+
+def _machine_s() -> float:
+    """Return the CPU time of all cores together."""
+    fields = [int(text) for text in (_PROC / "stat").read_text().splitlines()[0].split()[1:]]
+    return (sum(fields[:8]) - fields[3] - fields[4]) / _TICK_HZ
+
+
+def _pss_kib(pid: int) -> int:
+    for line in (_PROC / str(pid) / "smaps_rollup").read_text().splitlines():
+        if line.startswith("Pss:"):
+            return int(line.split()[1])
+    return 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,3 +296,20 @@ def _course(beams: int, rate_hz: float) -> BenchScans:
     course = make_course(beams, rate_hz, scans=800, blocked=(beams, rate_hz) == (1081, RATE_HZ))
     gc.collect()
     return course
+
+
+def median_of(runs: Sequence[Any]) -> Any:  # noqa: ANN401 - whatever the runs are made of
+    """Return one run with the medians of all; other values, and those that only some runs have, are the first run's.
+
+    A boolean is that of most runs, half being no majority. Lists are taken place by place.
+    """
+    first = runs[0]
+    if isinstance(first, bool):
+        return sum(map(bool, runs)) * 2 > len(runs)
+    if isinstance(first, int | float):
+        return statistics.median(run for run in runs if isinstance(run, int | float))
+    if isinstance(first, Mapping):
+        return {key: median_of([run[key] for run in runs if isinstance(run, Mapping) and key in run]) for key in first}
+    if isinstance(first, Sequence) and not isinstance(first, str):
+        return [median_of(places) for places in zip(*runs, strict=False)]
+    return first

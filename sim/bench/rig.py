@@ -13,13 +13,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final, Self
 
 from wallride.runtime.wire.ports import free_endpoint
 from wallride.sim.bench.course import BenchScans
-from wallride.sim.bench.devices import LidarPort, MotorCommand, MotorPort, Ports
-from wallride.sim.bench.ports import BenchTcpPort
+from wallride.sim.bench.devices import BenchTcpPort, LidarPort, MotorCommand, MotorPort, Ports
 
 START_TIMEOUT_S: Final = 20.0
 STOP_TIMEOUT_S: Final = 5.0
@@ -125,9 +123,7 @@ class Rig:
         os.sched_setaffinity(0, another_computer())
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         try:
             self.stop()
         finally:

@@ -12,14 +12,18 @@ has no stiff equations; between 0.4 and 0.8 m/s the two are mixed. Accelerating 
 driving and braking force is shared like the load. Plain floats: numpy would be ten times slower for so few numbers.
 """
 
+from collections import deque
 from math import atan2, ceil, copysign, cos, hypot, remainder, sin, sqrt, tan, tau
+from typing import Generic, TypeVar
 
 from wallride.runtime.control.vehicle import GRAVITY_MPS2
-from wallride.sim.car.delay import DelayLine
 from wallride.sim.car.motor_control import COAST, BrakeDemand, CoastDemand, Demand, MotorControl, SpeedDemand
 from wallride.sim.car.vehicle_settings import VehicleSettings
 from wallride.sim.world.pose import Pose, Twist
 
+T = TypeVar("T")
+
+_ROUNDING_S = 1e-9
 __all__ = ["BrakeDemand", "CoastDemand", "Demand", "SpeedDemand", "Vehicle", "VehicleSettings"]
 
 _MAX_STEP_S = 0.0025
@@ -29,6 +33,28 @@ _DRIVE_SHARE = 0.85
 """Share of the grip that the speed control can use longitudinally: all four wheels pull and none slips."""
 _SLIP_SCALE_MPS = 0.02
 """Slip speed below which sliding friction fades, so that it does not change its sign from step to step."""
+
+
+class DelayLine(Generic[T]):
+    """Returns each value `delay_s` after it was put in; before the first one is due, the value at rest."""
+
+    def __init__(self, delay_s: float, at_rest: T) -> None:
+        self.delay_s = delay_s
+        self._now = at_rest
+        self._last = at_rest
+        self._coming: deque[tuple[float, T]] = deque()
+
+    def put(self, now_s: float, value: T) -> None:
+        """Put in a value; times must not run backwards."""
+        if value != self._last:
+            self._coming.append((now_s + self.delay_s, value))
+            self._last = value
+
+    def at(self, now_s: float) -> T:
+        """Return the value in effect."""
+        while self._coming and self._coming[0][0] <= now_s + _ROUNDING_S:
+            self._now = self._coming.popleft()[1]
+        return self._now
 
 
 class Vehicle:

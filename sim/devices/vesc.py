@@ -19,9 +19,10 @@ from wallride.drivers.api import Clock
 from wallride.drivers.vesc import codec
 from wallride.drivers.vesc.codec import MOTOR_PACKETS, Packet
 from wallride.drivers.vesc.replies import STATUS_KILLED, STATUS_TIMED_OUT
-from wallride.sim.devices.vesc_config import CONTROLLER_ID, EmulatedAppConfig
 from wallride.sim.devices.vesc_logic import MotorDemand, VescLogic
 from wallride.sim.devices.vesc_replies import (
+    CONTROLLER_ID,
+    EmulatedAppConfig,
     Value,
     Version,
     firmware_reply,

@@ -19,10 +19,9 @@ from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab import laws
 from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from wallride.sim.lab.courses.walls import world_of
-from wallride.sim.lab.figures import TOUCH_ABOVE_MPS, Row, chosen, common, distinct, number, text, worst
+from wallride.sim.lab.figures import TOUCH_ABOVE_MPS, Row, by_law, chosen, common, distinct, number, text, worst
 from wallride.sim.lab.laws import drive_case
 from wallride.sim.lab.safety import stopping_m
-from wallride.sim.lab.tables import by_law
 from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, Case, SimulatedRun, drive
 from wallride.sim.world.beams import NO_RETURN_MM, LidarSettings, Millimetres
 from wallride.sim.world.obstacles import ConstantMotion, Obstacle, Round, StandingObstacle, person

@@ -10,9 +10,8 @@ import numpy as np
 
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
-from wallride.sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
+from wallride.sim.lab.figures import Row, by_law, chosen, common, distinct, mean, number, text, worst
 from wallride.sim.lab.rooms import GIVEN_UP_S, STANDS_BELOW_MPS, STUCK_S, build, tries
-from wallride.sim.lab.tables import by_law
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
 from wallride.sim.virtual.way_on import way_on
 from wallride.sim.world.generated_rooms import generated_room, kind_of

@@ -12,10 +12,9 @@ from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from wallride.sim.lab.courses.sudden import BlindDriver
 from wallride.sim.lab.courses.walls import COURSES, SLANT_RAD, STRAIGHT_COURSES, case_of, world_of
-from wallride.sim.lab.figures import Row, chosen, common, distinct, text
+from wallride.sim.lab.figures import Row, by_law, chosen, common, distinct, text
 from wallride.sim.lab.laws import drive_case
 from wallride.sim.lab.limits import limit_m
-from wallride.sim.lab.tables import by_law
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun
 from wallride.sim.world.obstacles import Box, ConstantMotion, Obstacle, Round, StandingObstacle, person, pole
 from wallride.sim.world.pose import CAR, Pose

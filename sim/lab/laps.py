@@ -6,9 +6,19 @@ from pathlib import Path
 
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
-from wallride.sim.lab.figures import Row, chosen, common, distinct, errors, mean, number, text
+from wallride.sim.lab.figures import (
+    Row,
+    by_law_and_friction,
+    chosen,
+    common,
+    distinct,
+    errors,
+    mean,
+    number,
+    speed_table,
+    text,
+)
 from wallride.sim.lab.laws import drive_case
-from wallride.sim.lab.tables import by_law_and_friction, speed_table
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun
 from wallride.sim.world.generated_tracks import generated_track
 from wallride.sim.world.lap import LapCounter

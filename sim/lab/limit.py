@@ -13,10 +13,6 @@ Sainz de la Maza 1989): near the present path the errors are linear in small cha
 is a linear programme, so are all bounds, and a trust region keeps the changes small. The result is a feasible path, so
 the true limit can be lower but not higher. Contact is no part of the problem, only noticed afterwards. A law that
 drives slower than asked can be better than the limit at that speed.
-
-`driven_mean_error_m` goes on from there with `wallride.sim.car.vehicle` itself, whose speed sags and whose load shifts
-in bends. That takes half a minute and raises the answer by 0 to 5 %: for figures that a law is measured against to the
-percent.
 """
 
 import math
@@ -29,7 +25,6 @@ from scipy.optimize import linprog
 from scipy.sparse import csr_array, eye_array, hstack, vstack
 
 from wallride.runtime.control.vehicle import GRAVITY_MPS2
-from wallride.sim.car.vehicle import SpeedDemand, Vehicle
 from wallride.sim.car.vehicle_settings import VehicleSettings
 from wallride.sim.world.pose import CAR, Floats, Pose
 from wallride.sim.world.segments import SegmentGeometry
@@ -39,8 +34,6 @@ KNOT_M = 0.1
 SCAN_S = 0.025
 """Period of the scans, at which the errors count, as in the figures of a run."""
 _MAX_STEP_S = 0.005
-_DRIVEN_STEP_S = 0.0025
-_DRIVEN_TRUST_RAD = (0.1, 0.03)
 _ROUNDS = 40
 _TRUST_RAD = 0.1
 _GIVE_UP_RAD = 5e-4
@@ -49,7 +42,7 @@ _GUESSES_AHEAD_M = (0.4, 0.7, 1.1)
 _FAN_RAD = np.radians(np.arange(-85.0, 86.0, 2.5))
 _LP_SECONDS = 5.0
 _VEHICLE = VehicleSettings()
-_SPEED_STEP_MPS = 0.5
+SPEED_STEP_MPS = 0.5
 
 Wall = tuple[tuple[float, float, float, float], ...]
 """The followed wall as segments (x0, y0, x1, y1)."""
@@ -74,60 +67,50 @@ def least_mean_error_m(task: Task) -> float:
 
     NaN when that path touches the wall: then the search found no steering free of contact.
     """
-    cost, steering_rad = _best(task)
-    return math.nan if _Problem(task).touches(np.array(steering_rad)) else cost
-
-
-def driven_mean_error_m(task: Task) -> float:
-    """Return what `least_mean_error_m` returns, for the whole vehicle model; takes about half a minute."""
-    problem = _Driven(task)
-    faster = replace(task, speed_mps=task.speed_mps + _SPEED_STEP_MPS)
-    guesses = [problem.possible(np.array(_best(near)[1])) for near in (task, faster)]
-    found = [problem.improved(guess, trust_rad) for guess in guesses for trust_rad in _DRIVEN_TRUST_RAD]
-    cost, steering_rad = min(found, key=lambda one: one[0])
-    return math.nan if problem.touches(steering_rad) else cost
+    cost, steering_rad = best_steering(task)
+    return math.nan if SteeringProblem(task).touches(np.array(steering_rad)) else cost
 
 
 @lru_cache(maxsize=1024)
-def _best(task: Task) -> tuple[float, tuple[float, ...]]:
+def best_steering(task: Task) -> tuple[float, tuple[float, ...]]:
     """Return the least mean |error| [m] and its steering [rad] at every KNOT_M of the way.
 
     Corners have many local optima: there the solution for a slower car is one of the initial guesses.
     """
-    problem = _Problem(task)
+    problem = SteeringProblem(task)
     guesses = [problem.straight(), *(problem.followed(ahead_m) for ahead_m in _GUESSES_AHEAD_M)]
     guesses = sorted(guesses, key=problem.cost)[:2]
     if len(task.wall) > 1 and task.speed_mps > 1.0:
-        slower = replace(task, speed_mps=max(1.0, task.speed_mps - _SPEED_STEP_MPS))
-        guesses.append(problem.possible(np.array(_best(slower)[1])))
+        slower = replace(task, speed_mps=max(1.0, task.speed_mps - SPEED_STEP_MPS))
+        guesses.append(problem.possible(np.array(best_steering(slower)[1])))
     cost, steering_rad = min((problem.improved(guess) for guess in guesses), key=lambda found: found[0])
     return cost, tuple(steering_rad.tolist())
 
 
-class _Problem:
+class SteeringProblem:
     """Optimal control problem of the steering at n knots."""
 
     def __init__(self, task: Task) -> None:
-        self._task = task
+        self.task = task
         self._wall = np.array(task.wall)
-        self._n = round(task.way_m / KNOT_M)
-        self._knot_s = KNOT_M / task.speed_mps
-        self._turn_rad = task.vehicle.steering_rate_radps * self._knot_s
+        self.knots = round(task.way_m / KNOT_M)
+        self.knot_s = KNOT_M / task.speed_mps
+        self._turn_rad = task.vehicle.steering_rate_radps * self.knot_s
         self._blind_s = task.delay_s
-        self._slew = csr_array(eye_array(self._n) - eye_array(self._n, k=-1))
-        self._weights = _scan_weights(self._n, self._knot_s)
+        self._slew = csr_array(eye_array(self.knots) - eye_array(self.knots, k=-1))
+        self._weights = _scan_weights(self.knots, self.knot_s)
         start = np.array([[task.start.x_m, task.start.y_m]])
         self._start_cost_m = self._weights[0] * abs(float(self._errors(start)[0][0]))
 
     def straight(self) -> Floats:
         """Return the initial guess of zero steering."""
-        return np.zeros(self._n)
+        return np.zeros(self.knots)
 
     def followed(self, ahead_m: float) -> Floats:
         """Return the initial guess of pure pursuit (Coulter 1992) after a ball of the wanted radius on a left wall."""
-        at, angle_rad, guess = self._task.start, 0.0, np.zeros(self._n)
-        vehicle = self._task.vehicle
-        for k in range(self._n):
+        at, angle_rad, guess = self.task.start, 0.0, np.zeros(self.knots)
+        vehicle = self.task.vehicle
+        for k in range(self.knots):
             bearings = at.yaw_rad + _FAN_RAD
             around = np.column_stack([at.x_m + ahead_m * np.cos(bearings), at.y_m + ahead_m * np.sin(bearings)])
             too_near = self._errors(around)[0] < 0
@@ -143,7 +126,7 @@ class _Problem:
 
     def possible(self, steering_rad: Floats) -> Floats:
         """Return a steering as near to the given one as the servo's rate allows."""
-        last_rad, allowed = 0.0, np.empty(self._n)
+        last_rad, allowed = 0.0, np.empty(self.knots)
         for k, wanted_rad in enumerate(steering_rad):
             last_rad = min(max(wanted_rad, last_rad - self._turn_rad), last_rad + self._turn_rad)
             allowed[k] = last_rad
@@ -151,13 +134,13 @@ class _Problem:
 
     def cost(self, steering_rad: Floats) -> float:
         """Return the mean |error| of a steering over the scans."""
-        after_m = np.abs(self._errors(self._paths(steering_rad[None])[0])[0])
+        after_m = np.abs(self._errors(self.paths(steering_rad[None])[0])[0])
         cost_m: float = self._start_cost_m + (self._weights[1:] * after_m).sum()
         return float(cost_m)
 
     def touches(self, steering_rad: Floats) -> bool:
         """Return whether the car's outline touches the wall on its way; slip angles are neglected."""
-        places = self._paths(steering_rad[None])[0]
+        places = self.paths(steering_rad[None])[0]
         ways = np.diff(places, axis=0)
         geometry = SegmentGeometry(self._wall)
         poses = zip(places[1:], np.arctan2(ways[:, 1], ways[:, 0]), strict=True)
@@ -186,30 +169,30 @@ class _Problem:
 
     def _linearised(self, steering_rad: Floats) -> tuple[Floats, Floats]:
         """Return the errors (n,) and their slopes by each knot's steering (n, n), by trying each knot."""
-        paths = self._paths(np.vstack([steering_rad, steering_rad + _PROBE_RAD * np.eye(self._n)]))
+        paths = self.paths(np.vstack([steering_rad, steering_rad + _PROBE_RAD * np.eye(self.knots)]))
         error_m, normal = self._errors(paths[0])
         slope = np.einsum("kd,ikd->ki", normal, paths[1:] - paths[0]) / _PROBE_RAD
         return error_m, slope
 
-    def _paths(self, steering_rad: Floats) -> Floats:
+    def paths(self, steering_rad: Floats) -> Floats:
         """Return the rear axle's places after each knot for a batch of steerings (b, n), shape (b, n, 2)."""
-        task, s = self._task, self._task.vehicle
+        task, s = self.task, self.task.vehicle
         batch, speed = len(steering_rad), task.speed_mps
-        parts = math.ceil(self._knot_s / _MAX_STEP_S)
-        step_s = self._knot_s / parts
+        parts = math.ceil(self.knot_s / _MAX_STEP_S)
+        step_s = self.knot_s / parts
         x_m, y_m = np.full(batch, task.start.x_m), np.full(batch, task.start.y_m)
         yaw, left, rate = np.full(batch, task.start.yaw_rad), np.zeros(batch), np.zeros(batch)
-        places = np.empty((batch, self._n, 2))
+        places = np.empty((batch, self.knots, 2))
         grip = s.grip_mu * GRAVITY_MPS2
         front_grip, rear_grip = grip * s.rear_axle_to_cg_m / s.wheelbase_m, grip * s.front_axle_to_cg_m / s.wheelbase_m
         per_moment = s.mass_kg / s.yaw_inertia_kgm2
         front_m, rear_m = s.front_axle_to_cg_m, s.rear_axle_to_cg_m
         known = np.hstack([np.zeros((batch, 1)), steering_rad])
-        times_s = self._knot_s * np.arange(self._n + 1)
-        for step in range(self._n * parts):
+        times_s = self.knot_s * np.arange(self.knots + 1)
+        for step in range(self.knots * parts):
             at_s = max(0.0, (step + 0.5) * step_s - self._blind_s)
-            knot = min(int(at_s / self._knot_s), self._n - 1)
-            share = (at_s - times_s[knot]) / self._knot_s
+            knot = min(int(at_s / self.knot_s), self.knots - 1)
+            share = (at_s - times_s[knot]) / self.knot_s
             angle = known[:, knot] * (1 - share) + known[:, knot + 1] * share
             slip_front = angle - np.arctan((left + front_m * rate) / speed)
             slip_rear = -np.arctan((left - rear_m * rate) / speed)
@@ -238,11 +221,11 @@ class _Problem:
         nearest = distance.argmin(axis=1)
         rows = np.arange(len(points))
         distance_m = np.maximum(distance[rows, nearest], 1e-9)
-        return distance_m - self._task.desired_m, away[rows, nearest] / distance_m[:, None]
+        return distance_m - self.task.desired_m, away[rows, nearest] / distance_m[:, None]
 
     def _best_change(self, steering_rad: Floats, error_m: Floats, slope: Floats, trust_rad: float) -> Floats:
         """Solve the linear programme; its variables are the changes (n,) and the sizes of the errors (n,)."""
-        n, stop_rad = self._n, self._task.vehicle.max_steering_rad
+        n, stop_rad = self.knots, self.task.vehicle.max_steering_rad
         size, nothing = -eye_array(n), csr_array((n, n))
         dense = csr_array(slope)
         above = vstack(
@@ -265,27 +248,6 @@ class _Problem:
             return np.zeros(n)  # no better one found in time: the trust region shrinks
         change: Floats = answer.x[:n]
         return change
-
-
-class _Driven(_Problem):
-    """The same problem with the simulator's own vehicle, at the speed that its motor's speed control keeps."""
-
-    def _paths(self, steering_rad: Floats) -> Floats:
-        task, parts = self._task, math.ceil(self._knot_s / _DRIVEN_STEP_S)
-        step_s = self._knot_s / parts
-        moments_s = (np.arange(self._n * parts) + 0.5) * step_s - (task.delay_s - task.vehicle.steering_delay_s)
-        knots_s = np.arange(self._n + 1) * self._knot_s
-        demand = SpeedDemand(task.speed_mps)
-        places = np.empty((len(steering_rad), self._n, 2))
-        for row, knots_rad in enumerate(steering_rad):
-            vehicle = Vehicle(task.vehicle)
-            vehicle.place(task.start, speed_mps=task.speed_mps)
-            commands = np.interp(moments_s, knots_s, np.concatenate([[0.0], knots_rad])).tolist()
-            for step, command_rad in enumerate(commands):
-                vehicle.step(step_s, demand, command_rad)
-                if (step + 1) % parts == 0:
-                    places[row, step // parts] = vehicle.x_m, vehicle.y_m
-        return places
 
 
 def _scan_weights(knots: int, knot_s: float) -> Floats:

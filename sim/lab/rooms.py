@@ -20,9 +20,8 @@ from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab import laws
 from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
 from wallride.sim.lab.courses.walls import world_of
-from wallride.sim.lab.figures import Row, chosen, common, distinct, mean, number, text, worst
+from wallride.sim.lab.figures import Row, by_law, chosen, common, distinct, mean, number, text, worst
 from wallride.sim.lab.safety import stopping_m
-from wallride.sim.lab.tables import by_law
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
 from wallride.sim.world.obstacles import ConstantMotion, Obstacle, Round, StandingObstacle, person
 from wallride.sim.world.pose import CAR, Booleans, Floats, Pose

@@ -20,9 +20,8 @@ import numpy as np
 from wallride.runtime.control.vehicle import GRAVITY_MPS2
 from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from wallride.sim.lab.courses.sudden import FullBrake, SuddenRun, case_of, navigator_of, scenarios
-from wallride.sim.lab.figures import Row, chosen, common, distinct, number, worst
+from wallride.sim.lab.figures import Row, by_law_and_friction, chosen, common, distinct, number, speed_table, worst
 from wallride.sim.lab.laws import drive_case
-from wallride.sim.lab.tables import by_law_and_friction, speed_table
 from wallride.sim.virtual.closed_loop import SimulatedRun
 from wallride.sim.world.obstacles import LIDAR_AHEAD_M
 from wallride.sim.world.pose import CAR

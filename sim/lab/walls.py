@@ -7,10 +7,22 @@ from dataclasses import replace
 from wallride.sim.figures.summary import SETTLE_BAND_M
 from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
 from wallride.sim.lab.courses.walls import ALL_COURSES, STRAIGHT_COURSES, case_of
-from wallride.sim.lab.figures import STEADY_WAY, Row, chosen, common, distinct, errors, mean, number, text, worst
+from wallride.sim.lab.figures import (
+    STEADY_WAY,
+    Row,
+    by_law_and_friction,
+    chosen,
+    common,
+    distinct,
+    errors,
+    mean,
+    number,
+    speed_table,
+    text,
+    worst,
+)
 from wallride.sim.lab.laws import drive_case
 from wallride.sim.lab.limits import limit_m
-from wallride.sim.lab.tables import by_law_and_friction, speed_table
 from wallride.sim.virtual.closed_loop import SimulatedRun
 
 LOST_ABOVE_M = 0.5

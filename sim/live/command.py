@@ -32,7 +32,6 @@ from wallride.sim.live.fleet import build_fleet, fleet_summary, run_fleet, write
 from wallride.sim.live.live_conditions import LiveConditions
 from wallride.sim.live.live_keys import pressing
 from wallride.sim.live.record import Record
-from wallride.sim.live.saved_settings import saved_settings
 from wallride.sim.live.scenario_scene import ScenarioScene, read_scenario
 from wallride.sim.live.scenes import RecordingScene, WorldScene
 from wallride.sim.live.screen import LiveView, address_in, operate_hint, port_notice, starting
@@ -45,7 +44,7 @@ from wallride.sim.scenario.command import tell
 from wallride.sim.scenario.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of
 from wallride.sim.scenario.driven import judge, mistakes_after
 from wallride.sim.scenario.scenario_file import MAX_START_TO_WALL_M, Scenario
-from wallride.sim.scenario.simulated_car import find_config
+from wallride.sim.scenario.simulated_car import find_config, saved_settings
 from wallride.sim.scenario.toml_lines import FileMistakeError
 from wallride.sim.world.pose import Pose
 from wallride.sim.world.worlds import load_world

@@ -22,7 +22,6 @@ from wallride.sim.car.vehicle import Vehicle
 from wallride.sim.figures.summary import device_faults
 from wallride.sim.live.record import Record
 from wallride.sim.live.runtime_process import WallrideProcess
-from wallride.sim.live.saved_settings import saved_settings
 from wallride.sim.live.scenes import WorldScene
 from wallride.sim.live.screen import port_notice
 from wallride.sim.live.session import RuntimeStart, SimulatorSession
@@ -30,6 +29,7 @@ from wallride.sim.live.stop_request import StopRequest
 from wallride.sim.live.traffic import TrafficWorld, starts
 from wallride.sim.live.user_code import UserCode
 from wallride.sim.scenario.conditions import Conditions
+from wallride.sim.scenario.simulated_car import saved_settings
 from wallride.sim.world.place import World
 
 LOOK_EVERY_S = 0.1

@@ -14,8 +14,7 @@ from wallride.sim.devices.turning import Rays, TurningDevice
 from wallride.sim.figures.comparison import ComparedSteering, drove, recorded_answers
 from wallride.sim.figures.summary import Sample
 from wallride.sim.live.session import Ranges
-from wallride.sim.recordings.recording import Recording, RecordingError
-from wallride.sim.recordings.sensor_units import SCIP_MAX_MM, to_sensor_mm
+from wallride.sim.recordings.recording import SCIP_MAX_MM, Recording, RecordingError, to_sensor_mm
 from wallride.sim.world.beams import LidarSettings, scan, sector
 from wallride.sim.world.lap import LapCounter
 from wallride.sim.world.obstacles import Obstacle

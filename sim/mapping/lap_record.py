@@ -15,8 +15,7 @@ from wallride.runtime.recording.decision_log import Event, FollowerEvent, Safety
 from wallride.runtime.wire import topics
 from wallride.sim.fit.drive import scan_times_s
 from wallride.sim.recordings import Recording, RecordingError, load_recording
-from wallride.sim.replay.decode import decode
-from wallride.sim.replay.drive_log import NS, DriveLog, is_mcap, read_log
+from wallride.sim.replay.drive_log import NS, DriveLog, decode, is_mcap, read_log
 from wallride.sim.replay.reenact import events_of
 from wallride.sim.replay.settings_text import settings_of
 from wallride.sim.world.pose import Floats

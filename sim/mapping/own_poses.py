@@ -13,8 +13,7 @@ from wallride.runtime.map_files import CarMap
 from wallride.runtime.recording.decision_log import FollowerEvent, ScanEvent
 from wallride.runtime.ros.messages import NS
 from wallride.runtime.wire import topics
-from wallride.sim.replay.decode import decode
-from wallride.sim.replay.drive_log import DriveLog
+from wallride.sim.replay.drive_log import DriveLog, decode
 from wallride.sim.replay.reenact import events_of
 from wallride.sim.replay.settings_text import settings_of
 

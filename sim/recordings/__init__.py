@@ -7,8 +7,14 @@ the integers that the sensor sent), and `scans` (what the car would have had of 
 """
 
 from wallride.sim.recordings.loading import load_recording
-from wallride.sim.recordings.recording import CommandTrack, OdometryTrack, Recording, RecordingError
-from wallride.sim.recordings.sensor_units import NO_RETURN_MM, to_sensor_mm
+from wallride.sim.recordings.recording import (
+    NO_RETURN_MM,
+    CommandTrack,
+    OdometryTrack,
+    Recording,
+    RecordingError,
+    to_sensor_mm,
+)
 
 __all__ = [
     "NO_RETURN_MM",

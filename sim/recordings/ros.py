@@ -4,26 +4,106 @@ The package `rosbags` is imported only when such a file is opened, so that .npz 
 """
 
 import re
-from collections.abc import Iterable
+import resource
+import sqlite3
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
-from wallride.runtime.recording.unpacking import Unpacking, UnpackingError
-from wallride.sim.recordings.bounds import bounded_memory
-from wallride.sim.recordings.mcap_messages import CDR, ROS1, Decode, collect_mcap
+from wallride.runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError, bomb, most_bytes
 from wallride.sim.recordings.messages import ACKERMANN_DEFINITIONS, WANTED_TYPES, Collector
 from wallride.sim.recordings.recording import RecordingError
 from wallride.sim.recordings.salvage import RawMessage, whole_messages
-from wallride.sim.recordings.salvage_ros2 import check_tables, rows_before_damage
 from wallride.sim.recordings.tracks import Tracks
 
 if TYPE_CHECKING:
     from rosbags.typesys import Stores
     from rosbags.typesys.store import Typestore
 
-
+ROS1: Final = "ros1"
+CDR: Final = "cdr"
+Decode = Callable[[bytes, str], Any]
 PYTHONS = (AttributeError, IndexError, KeyError, TypeError)
 """Errors of a parser that damage leads astray: their texts are about its code, not about the file."""
+
+
+def collect_mcap(path: Path, collector: Collector, decoders: dict[str, Decode]) -> str:
+    """Collect all that can be read; return why it ends before its end or lacks a piece, "" when it does not.
+
+    decoders: by the encoding of messages. RecordingError when it unpacks to more than its size explains.
+    """
+    from mcap.stream_reader import StreamReader
+
+    reading = _McapReading(path.stat().st_size, collector, decoders)
+    try:
+        with path.open("rb") as file:
+            for record in StreamReader(file, emit_chunks=True, record_size_limit=MAX_RECORD_B).records:
+                reading.take(record)
+    except UnpackingError as error:
+        raise RecordingError(f"{path}: {error}.") from None
+    except MemoryError:
+        raise
+    except Exception as error:  # noqa: BLE001 - a parser that meets damage raises anything; the caller reports it
+        return str(error).rstrip(".") or "it ends in the middle"
+    return reading.damaged
+
+
+class _McapReading:
+    """One pass over a file."""
+
+    def __init__(self, size_bytes: int, collector: Collector, decoders: dict[str, Decode]) -> None:
+        self.damaged = ""
+        self._unpacking = Unpacking(size_bytes)
+        self._collector = collector
+        self._decoders = decoders
+        self._schemas: dict[int, str] = {}
+        self._channels: dict[int, tuple[str, str, str]] = {}
+
+    def take(self, record: object) -> None:
+        from mcap import records
+
+        match record:
+            case records.Chunk():
+                self._take_chunk(record)
+            case records.Schema():
+                self._schemas[record.id] = record.name
+            case records.Channel():
+                kind = _ros2_type(self._schemas.get(record.schema_id, ""))
+                self._channels[record.id] = record.topic, kind, record.message_encoding
+            case records.Message():
+                self._take_message(record)
+
+    def _take_chunk(self, chunk: Any) -> None:  # noqa: ANN401 - mcap's
+        try:
+            for record in self._unpacking.inside(chunk):
+                self.take(record)
+        except (UnpackingError, MemoryError):
+            raise
+        except Exception as error:  # noqa: BLE001 - as above; what is behind a damaged chunk is read
+            self.damaged = str(error).rstrip(".") or "a damaged piece"
+
+    def _take_message(self, record: Any) -> None:  # noqa: ANN401 - mcap's
+        topic, kind, encoding = self._channels.get(record.channel_id, ("", "", ""))
+        if kind not in WANTED_TYPES:
+            return
+        if encoding not in self._decoders:
+            self._collector.unreadable[topic] += 1
+            self._collector.encodings[topic] = encoding
+            return
+        try:
+            message = self._decoders[encoding](record.data, kind)
+        except MemoryError:
+            raise
+        except Exception:  # noqa: BLE001 - as above; counted and told to the user
+            self._collector.unreadable[topic] += 1
+        else:
+            self._collector.add(topic, kind, record.log_time, message)
+
+
+def _ros2_type(name: str) -> str:
+    package, _, kind = name.partition("/")
+    return name if "/" in kind else f"{package}/msg/{kind}"
 
 
 def read_ros(path: Path) -> Tracks:
@@ -157,3 +237,51 @@ def _with_ackermann(store: "Stores") -> "Typestore":
     for name, definition in ACKERMANN_DEFINITIONS.items():
         typestore.register(get_types_from_msg(definition, name))
     return typestore
+
+
+@contextmanager
+def bounded_memory(path: Path) -> Iterator[None]:
+    """Let this process have as much more memory as a recording of that size can need; RecordingError beyond it."""
+    files = [*path.glob("*")] if path.is_dir() else [path]
+    size_bytes = sum(file.stat().st_size for file in files if file.is_file())
+    before, hard = resource.getrlimit(resource.RLIMIT_AS)
+    most = _taken_bytes() + size_bytes + 2 * most_bytes(size_bytes)  # messages, and the arrays made of them
+    resource.setrlimit(resource.RLIMIT_AS, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+    try:
+        yield
+    except MemoryError:
+        raise RecordingError(f"{path}: {bomb(size_bytes)}.") from None
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (before, hard))
+
+
+def _taken_bytes() -> int:
+    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+
+
+def check_tables(path: Path) -> None:
+    """Refuse a .db3 with a view, which can be without an end, and whose name may have any case; RecordingError."""
+    for file in path.glob("*.db3") if path.is_dir() else [path] if path.suffix == ".db3" else []:
+        with closing(sqlite3.connect(_location(file), uri=True)) as database, suppress(sqlite3.DatabaseError):
+            database.execute("PRAGMA writable_schema=ON")
+            for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'view'"):
+                raise RecordingError(f"{file}: {name} is a view, not a table as ROS writes it: fetch it again.")
+
+
+def _location(path: Path) -> str:
+    return f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+
+
+def rows_before_damage(path: Path) -> Iterator[RawMessage]:
+    """Yield the messages of a .db3 in the order in which they were written, up to the first damaged page.
+
+    SQLite refuses a file that is shorter than its header says; with a writable schema (of a file opened for
+    reading only) it reads the existing pages. The index is not used: it lies scattered among the pages.
+    """
+    with closing(sqlite3.connect(_location(path), uri=True)) as database, suppress(sqlite3.DatabaseError):
+        database.execute("PRAGMA writable_schema=ON")
+        topics = {number: (name, kind) for number, name, kind in database.execute("SELECT id, name, type FROM topics")}
+        rows = database.execute("SELECT topic_id, timestamp, data FROM messages NOT INDEXED ORDER BY id")
+        for number, received_ns, raw in rows:
+            if number in topics:
+                yield *topics[number], received_ns, raw

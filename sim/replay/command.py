@@ -16,8 +16,8 @@ from wallride.runtime.telemetry.screen_words import because, times
 from wallride.sim.recordings import RecordingError
 from wallride.sim.replay.drive_log import DriveLog, is_mcap, read_log
 from wallride.sim.replay.figures import numbers, stops
+from wallride.sim.replay.foreign import open_any
 from wallride.sim.replay.moment import moment_at_scan, moment_at_time
-from wallride.sim.replay.opening import open_any
 from wallride.sim.replay.reenact import ReplayVerdict, reenact
 from wallride.sim.replay.run import RecordedRun, run_of
 

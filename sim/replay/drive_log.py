@@ -8,14 +8,18 @@ import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from wallride.runtime.recording.channels import SETTINGS, STRING, TAPE, text_of
 from wallride.runtime.recording.mcap_file import METADATA
 from wallride.runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError
+from wallride.runtime.ros.definitions import definition
 from wallride.sim.recordings import RecordingError
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
 
 NS = 1_000_000_000
 MAGIC = b"\x89MCAP0\r\n"
@@ -183,3 +187,23 @@ class _Reading:
             raise
         except Exception as error:  # noqa: BLE001 - a parser that meets damage raises anything; counted and told
             self._damaged[str(error) or type(error).__name__] += 1
+
+
+def decode(message: LoggedMessage) -> Any:  # noqa: ANN401 - built at run time by the type store
+    """Return a CDR message as an object with the fields of its type."""
+    return _store(message.schema).deserialize_cdr(message.payload, message.schema)
+
+
+def stamp_ns(decoded: Any) -> int:  # noqa: ANN401 - any message with a header
+    """Return a header's stamp, ns since 1970."""
+    stamp = decoded.header.stamp
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+@cache
+def _store(schema: str) -> "Typestore":
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(definition(schema), schema))
+    return store

@@ -12,8 +12,7 @@ from wallride.runtime.control.perception.geometry import directions
 from wallride.runtime.control.score import Score
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.figures.summary import OF_THE_WALL, Sample, figures
-from wallride.sim.replay.decode import decode
-from wallride.sim.replay.drive_log import LoggedMessage
+from wallride.sim.replay.drive_log import LoggedMessage, decode
 from wallride.sim.replay.run import MuxChange, RecordedRun
 from wallride.sim.world.pose import Floats
 

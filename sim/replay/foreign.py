@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
+from pathlib import Path
 from typing import Never
 
 import numpy as np
@@ -22,9 +23,9 @@ from wallride.runtime.settings.tree import Settings, load_settings, to_toml
 from wallride.runtime.telemetry.status import Journey, ObservedState
 from wallride.runtime.telemetry.topic_writers import Newest, TopicWriters
 from wallride.runtime.wire import topics
-from wallride.sim.recordings import OdometryTrack, Recording, RecordingError
+from wallride.sim.recordings import OdometryTrack, Recording, RecordingError, load_recording
 from wallride.sim.recordings.scans import better_side, is_foreign, motion_of, motor_at, scans_of
-from wallride.sim.replay.drive_log import DriveLog, LoggedMessage
+from wallride.sim.replay.drive_log import DriveLog, LoggedMessage, is_mcap, read_log
 from wallride.sim.replay.stack import ReplayStack
 
 TICK_S = 0.02
@@ -217,3 +218,25 @@ def _wheels_rad(speed_mps: float, turning_radps: float, settings: Settings) -> f
         return 0.0
     wheels_rad = math.atan(turning_radps * car.wheelbase_m / speed_mps)
     return min(max(wheels_rad, -car.max_steering_rad), car.max_steering_rad)
+
+
+@dataclass(frozen=True, slots=True)
+class OpenedRecording:
+    """An opened recording. ours: whether wallride drove the recorded car."""
+
+    log: DriveLog
+    ours: bool
+
+
+def open_any(path: Path, assignments: Sequence[str] = (), topic: str | None = None) -> OpenedRecording:
+    """Return the content of a file; assignments and topic are for recordings of others.
+
+    RecordingError when nothing can be read, SettingsError when an assignment is unusable.
+    """
+    if path.is_file() and is_mcap(path):
+        log = read_log(path)
+        if log.is_ours:
+            return OpenedRecording(log, ours=True)
+    recording = load_recording(path, topic)
+    settings, notes = settings_for(recording, assignments)
+    return OpenedRecording(drive_recording(recording, settings, notes), ours=False)

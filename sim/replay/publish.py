@@ -21,8 +21,8 @@ from wallride.runtime.wire.endpoints import split_endpoint
 from wallride.runtime.wire.network import RefusedError
 from wallride.sim.recordings import RecordingError
 from wallride.sim.replay.drive_log import LoggedMessage
+from wallride.sim.replay.foreign import open_any
 from wallride.sim.replay.keys import names, press, single_keys
-from wallride.sim.replay.opening import open_any
 from wallride.sim.replay.player import PLAYED, Player
 
 REPLAY = "replay"

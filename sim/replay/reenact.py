@@ -44,9 +44,9 @@ from wallride.runtime.settings.tree import Settings
 from wallride.runtime.wire import topics
 from wallride.sim.recordings import RecordingError
 from wallride.sim.replay import difference
-from wallride.sim.replay.decode import decode as decode_message
 from wallride.sim.replay.difference import CLOSE, Difference
 from wallride.sim.replay.drive_log import DriveLog
+from wallride.sim.replay.drive_log import decode as decode_message
 from wallride.sim.replay.settings_text import settings_of, with_assignments
 from wallride.sim.replay.stack import ReplayStack
 

@@ -12,8 +12,7 @@ import numpy as np
 from wallride.runtime.arbitration.command import NO_WINNER
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.wire import topics
-from wallride.sim.replay.decode import decode
-from wallride.sim.replay.drive_log import NS, DriveLog, LoggedMessage
+from wallride.sim.replay.drive_log import NS, DriveLog, LoggedMessage, decode
 from wallride.sim.replay.faults import RecordedFault, faults_in
 from wallride.sim.replay.settings_text import TunedSetting, settings_of, tuned_in
 from wallride.sim.world.pose import Floats

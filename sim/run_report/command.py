@@ -10,7 +10,7 @@ from typing import Any
 from wallride.runtime.host.output_files import write_answer, write_file
 from wallride.sim.recordings import RecordingError
 from wallride.sim.replay.figures import truth_of
-from wallride.sim.replay.opening import OpenedRecording, open_any
+from wallride.sim.replay.foreign import OpenedRecording, open_any
 from wallride.sim.replay.run import run_of
 from wallride.sim.run_report.matched_path import told_path
 from wallride.sim.run_report.page import page

@@ -16,8 +16,7 @@ from wallride.sim.mapping.odometry_path import of_the_axle
 from wallride.sim.mapping.pose_graph import between, placed
 from wallride.sim.mapping.verdict import judge_map
 from wallride.sim.recordings import RecordingError
-from wallride.sim.replay.decode import decode
-from wallride.sim.replay.drive_log import NS, DriveLog
+from wallride.sim.replay.drive_log import NS, DriveLog, decode
 from wallride.sim.replay.run import DrivenPath, RecordedRun
 from wallride.sim.world.pose import Floats
 

@@ -14,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from wallride.runtime.telemetry.screen_words import because
-from wallride.sim.replay.decode import decode
-from wallride.sim.replay.drive_log import LoggedMessage
+from wallride.sim.replay.drive_log import LoggedMessage, decode
 from wallride.sim.replay.figures import at_time
 from wallride.sim.replay.run import MuxChange, RecordedRun
 from wallride.sim.run_report.charts import ChartLine

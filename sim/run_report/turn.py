@@ -7,8 +7,7 @@ import numpy as np
 
 from wallride.drivers.api import Scan
 from wallride.runtime.control.report.measures import measured
-from wallride.sim.replay.decode import decode
-from wallride.sim.replay.drive_log import LoggedMessage
+from wallride.sim.replay.drive_log import LoggedMessage, decode
 from wallride.sim.replay.figures import at_time
 from wallride.sim.replay.run import RecordedRun
 from wallride.sim.run_report.charts import ChartLine, over_time

@@ -1,11 +1,14 @@
-"""Settings files that come with the program."""
+"""Settings files of simulated cars: those that come with the program, and what was changed in a simulation."""
 
+import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 from wallride.sim.scenario.conditions import ConditionsError
 
 CONFIG = "config/sim.toml"
+FOLDER = "wallride/sim"
 
 
 def find_config(name: str = CONFIG) -> Path:
@@ -15,3 +18,13 @@ def find_config(name: str = CONFIG) -> Path:
         if candidate.is_file():
             return candidate
     raise ConditionsError(f"{name} is not installed (looked for {candidates[-1]}); give one with --config")
+
+
+def saved_settings(config: Path, environment: Mapping[str, str] = os.environ) -> Path:
+    """Return the user's file of differences that belongs to a settings file; it may not exist.
+
+    The simulator starts from a file that is tracked by git or installed with the package, and never writes to it; the
+    next simulation reads the differences on top.
+    """
+    folder = Path(environment.get("XDG_CONFIG_HOME") or "~/.config").expanduser()
+    return folder / FOLDER / f"{config.stem}.toml"

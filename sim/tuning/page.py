@@ -11,8 +11,8 @@ from optuna.trial import FrozenTrial
 
 from wallride.sim.lab.cell import TabledCell
 from wallride.sim.lab_report.page import html_table
+from wallride.sim.run_report.charts import ScatterPlot, scatter, shares
 from wallride.sim.run_report.page import section, still_document
-from wallride.sim.run_report.scatter import ScatterPlot, scatter, shares
 from wallride.sim.tuning.study import TuningPlan, finished, values_of
 from wallride.sim.tuning.verdict import Comparison, TuningVerdict
 from wallride.sim.world.pose import Floats

@@ -26,8 +26,7 @@ from wallride.runtime.arbitration.command import (
 from wallride.runtime.control.guidance import Follower, Guard
 from wallride.runtime.control.limiter import Limiter, Limits
 from wallride.runtime.control.vehicle import CarSettings
-from wallride.sim.car.delay import DelayLine
-from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle, VehicleSettings
+from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, DelayLine, Demand, SpeedDemand, Vehicle, VehicleSettings
 from wallride.sim.car.wiring import WiringConversion
 from wallride.sim.virtual.turning_sensor import TurningSensor
 from wallride.sim.world.beams import LidarSettings, Millimetres, scan

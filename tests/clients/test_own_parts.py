@@ -4,7 +4,7 @@ import argparse
 
 import pytest
 
-from wallride import own_parts_options
+from wallride import param_options
 from wallride.clients import own_parts
 from wallride.clients.connection import ConnectionProblemError
 from wallride.runtime.recording.own_parts_memory import FILE
@@ -14,7 +14,7 @@ from wallride.runtime.wire.ports import free_endpoint
 @pytest.mark.parametrize("action", ["show", "forget"])
 async def test_without_a_car_the_file_is_named(action):
     parser = argparse.ArgumentParser()
-    own_parts_options.add(parser.add_subparsers())
+    param_options.add(parser.add_subparsers())
     options = parser.parse_args(["own-parts", action, "--connect", free_endpoint()])
     with pytest.raises(ConnectionProblemError, match=rf"cannot connect to .*{FILE} in process\.state_folder") as caught:
         await own_parts.run(options)

@@ -15,7 +15,6 @@ PLACES = (
     *(RUNTIME / "arbitration").rglob("*.py"),
     *(RUNTIME / "tasks" / name for name in ("battery.py", "health.py", "mux.py", "safety.py", "wall_follow.py")),
     RUNTIME / "teleop" / "desk.py",
-    RUNTIME / "teleop" / "commands.py",
     RUNTIME / "teleop" / "planners.py",
 )
 """Modules that decide, or that stop the car, and so say why."""

@@ -10,7 +10,7 @@ import pytest
 from wallride.drivers.api import LinkState, Scan
 from wallride.runtime.ros.messages import ros_laser_scan
 from wallride.runtime.scan_topic import TopicLidar
-from wallride.runtime.settings.scan_topic import TopicLidarSettings
+from wallride.runtime.settings.devices import TopicLidarSettings
 from wallride.runtime.wire.rmw_zenoh import attachment
 
 STEP_S, EPOCH_NS = 0.025, 1_764_000_000 * 10**9

@@ -14,7 +14,7 @@ from wallride.drivers.vesc.codec import MOTOR_PACKETS, Packet
 from wallride.sim.devices.scip import ScipEmulator
 from wallride.sim.devices.vesc import VescEmulator
 from wallride.sim.live.runtime_process import RuntimeProcess
-from wallride.sim.recordings.sensor_units import to_sensor_mm
+from wallride.sim.recordings.recording import to_sensor_mm
 from wallride.sim.virtual.devices import ranges_between_walls
 
 ROOT = Path(__file__).resolve().parents[2]

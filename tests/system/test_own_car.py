@@ -19,7 +19,7 @@ from tests.runtime.recording.reading import streamed
 from wallride.runtime.host.address_file import read_address
 from wallride.runtime.wire.ports import free_endpoint
 from wallride.sim.live.runtime_process import RuntimeProcess, WallrideProcess
-from wallride.sim.live.saved_settings import saved_settings
+from wallride.sim.scenario.simulated_car import saved_settings
 
 STRAY = ("Traceback", "asyncio", "Exception ignored", "never retrieved", "Event loop is closed", "KeyboardInterrupt")
 

@@ -61,9 +61,9 @@ def test_defaults_and_values(line, expected):
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("teleop --max-speed 21", "21 is not between 0.1 and 20"),
-        ("teleop --expo 2", "2 is not between 0 and 1"),
-        ("monitor --max-steering 0", "0 is not between 0.05 and 1.5"),
+        ("teleop --max-speed 21", "write a number from 0.1 to 20"),
+        ("teleop --expo 2", "write a number from 0 to 1"),
+        ("monitor --max-steering 0", "write a number from 0.05 to 1.5"),
         ("monitor --port -1", "-1 is not a port: 0 to 65535"),
         ("status --session xyz", "xyz is not a session: eight hexadecimal digits"),
         ("keys add ann --role viewer --days 0", "write a number of days from 1 to 3600"),

@@ -5,13 +5,13 @@ from pathlib import Path
 
 from wallride import client_options
 from wallride.failure import fail
-from wallride.parser import DEFAULT_CONFIG, add_config, default_config
+from wallride.parser import DEFAULT_CONFIG, Commands, add_config, default_config, number
 
 STEPS = ("speed", "steering", "lidar", "own-parts", "delay", "brake", "outline")
 SUFFIX = ".toml"
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(commands: Commands) -> None:
     """Add the command and its options."""
     parser = commands.add_parser(
         "calibrate",
@@ -26,7 +26,7 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     )  # fmt: skip
     add_config(parser, "settings file of the car, also among the steps", positional=False)
     parser.add_argument(
-        "--wheelbase", type=client_options.between(0.05, 2.0), metavar="M",
+        "--wheelbase", type=number(0.05, 2.0), metavar="M",
         help="wheelbase by ruler; then the servo's gain is measured, and without it the effective wheelbase",
     )  # fmt: skip
     parser.add_argument("--undo", action="store_true", help="put the values before the last calibration back")

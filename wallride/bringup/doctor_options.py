@@ -4,15 +4,14 @@ import argparse
 import sys
 
 from wallride.failure import fail
-from wallride.parser import add_config, add_set, default_config
-from wallride.runtime.host.questions import asked, yes_or_no
-from wallride.runtime.host.terminal_text import say
+from wallride.parser import Commands, add_config, add_set, default_config
+from wallride.runtime.host.terminal_text import asked, say, yes_or_no
 
 GROUPS = ("program", "computer", "ports", "lidar", "motor", "access", "joystick")
 CONFIRMED = "wheels up"
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(commands: Commands) -> None:
     """Add the command and its options."""
     doctor = commands.add_parser(
         "doctor",
@@ -41,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
 
     from wallride.doctor.computer import this_computer
     from wallride.doctor.examine import examine, find_settings
-    from wallride.doctor.report import as_json, exit_code, line, summary
+    from wallride.doctor.findings import as_json, exit_code, line, summary
 
     if options.wheels_up and (options.json or "motor" not in (options.only or GROUPS)):
         return fail("--wheels-up asks about the motor: leave --json out, and add --only motor where there is --only")

@@ -4,14 +4,14 @@ import argparse
 from pathlib import Path
 
 from wallride.client_options import port
-from wallride.parser import CONFIG_VARIABLE, add_set, at_least
+from wallride.parser import CONFIG_VARIABLE, Commands, add_set, at_least
 from wallride.sim_options import add_conditions
 
 LIDAR_PORT = 10940
 """TCP port of a Hokuyo as it is sold."""
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(commands: Commands) -> None:
     """Add the command and its options."""
     parser = commands.add_parser(
         "emulate",

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wallride.failure import fail, needs
+from wallride.parser import Commands
 from wallride.runtime.host.terminal_text import say
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ MAP_KEYS = frozenset({"image", "resolution", "origin"})
 KINDS = ("generic", "mit-racecar-v2", "f1tenth", "donkeycar", "racecar-neo", "mushr")
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(commands: Commands) -> None:
     """Add the command and its options."""
     parser = commands.add_parser(
         "import",

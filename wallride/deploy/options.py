@@ -4,12 +4,13 @@ import argparse
 from pathlib import Path
 
 from wallride.failure import fail, needs
+from wallride.parser import Commands
 from wallride.runtime.host.terminal_text import say
 
 MIN_KEPT, MAX_KEPT = 2, 99
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(commands: Commands) -> None:
     """Add the command and its options."""
     parser = commands.add_parser(
         "deploy",

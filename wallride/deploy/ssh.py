@@ -7,7 +7,6 @@ import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Final, Self, cast
 
 from wallride.deploy.car_process import CarProcess, TooMuchError
@@ -84,9 +83,7 @@ class SshConnection:
                 raise DeployError(explain(self.host, said.read()))
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Log out."""
         self._log_out()
         self._folder.cleanup()

@@ -23,7 +23,7 @@ from wallride.drivers.auto.settings import AutoLidarSettings
 from wallride.drivers.pwm.settings import PwmSettings
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.found_lidar import look_for
-from wallride.runtime.settings.scan_topic import TopicLidarSettings
+from wallride.runtime.settings.devices import TopicLidarSettings
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.runtime.wire.port_holder import holder_of
 

@@ -10,8 +10,7 @@ from wallride.doctor.findings import Finding, fail, ok, warn
 from wallride.drivers.api import Health, LinkState, Scan
 from wallride.runtime.ending import end
 from wallride.runtime.lidars import lidar_for
-from wallride.runtime.settings.devices import AnyLidarSettings
-from wallride.runtime.settings.scan_topic import TopicLidarSettings
+from wallride.runtime.settings.devices import AnyLidarSettings, TopicLidarSettings
 
 WANTED_SCANS: Final = 20
 PATIENCE_S: Final = 8.0

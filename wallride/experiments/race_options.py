@@ -2,15 +2,11 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from wallride.failure import needs
+from wallride.failure import later
 from wallride.line_options import add_reserve
-from wallride.parser import add_jobs, add_json, add_set, at_least, number
+from wallride.parser import Commands, add_jobs, add_json, add_set, at_least, number
 from wallride.sim_options import add_car
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
 WHAT = "laps on the maps of courses by several laws: times beside theory and published ones, errors, stops, contacts"
 TRACKS = (7, 23)
@@ -19,7 +15,7 @@ FEWEST_LAPS = 3
 """The third lap is the first that counts."""
 
 
-def add(experiments: "Commands") -> None:
+def add(experiments: Commands) -> None:
     """Add the command."""
     races = experiments.add_parser(
         "races",
@@ -53,7 +49,13 @@ def add(experiments: "Commands") -> None:
     add_set(races)
     add_jobs(races)
     add_json(races, "the figures of every race")
-    races.set_defaults(run=_run, quick=False, side="left", own_parts="none", speeds=None)
+    races.set_defaults(
+        run=later("wallride.sim.races.command", "sim", "the simulator needs"),
+        quick=False,
+        side="left",
+        own_parts="none",
+        speeds=None,
+    )
 
 
 def _add_conditions(races: argparse.ArgumentParser) -> None:
@@ -90,9 +92,3 @@ def _seeds(text: str) -> tuple[int, ...]:
     if not all(part.isdecimal() for part in parts):
         raise argparse.ArgumentTypeError("write whole numbers with commas between them")
     return tuple(dict.fromkeys(map(int, parts)))
-
-
-def _run(options: argparse.Namespace) -> int:
-    with needs("sim", "the simulator needs"):
-        from wallride.sim.races.command import run
-    return run(options)

@@ -1,20 +1,15 @@
 """Options of `wallride lab report`."""
 
-import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from wallride.failure import needs
-from wallride.parser import add_jobs, add_set, at_least
+from wallride.failure import later
+from wallride.parser import Commands, add_jobs, add_set, at_least
 from wallride.sim_options import add_car
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
 WHAT = "the lab report's evaluation as a page: its 60 errors, optima, trials and obstacles, beside another law"
 
 
-def add(experiments: "Commands") -> None:
+def add(experiments: Commands) -> None:
     """Add the command."""
     report = experiments.add_parser("report", help=WHAT, description=f"{WHAT[:1].upper()}{WHAT[1:]}.")
     report.add_argument(
@@ -38,10 +33,4 @@ def add(experiments: "Commands") -> None:
     add_car(report)
     report.add_argument("--seed", type=at_least(0), default=1000, metavar="N", help="seed of all noise (default: 1000)")
     add_jobs(report)
-    report.set_defaults(run=_run)
-
-
-def _run(options: argparse.Namespace) -> int:
-    with needs("sim", "the simulator needs"):
-        from wallride.sim.lab_report.command import run
-    return run(options)
+    report.set_defaults(run=later("wallride.sim.lab_report.command", "sim", "the simulator needs"))

@@ -2,19 +2,15 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from wallride.failure import needs
-from wallride.parser import add_jobs, add_set, at_least
+from wallride.parser import Commands, add_jobs, add_set, at_least
 from wallride.sim_options import add_car
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
 WHAT = "tune settings, or those of your own law, with Optuna: one cost over scenarios, resumable, judged on others"
 
 
-def add(experiments: "Commands") -> None:
+def add(experiments: Commands) -> None:
     """Add the command."""
     tune = experiments.add_parser("tune", help=WHAT, description=f"{WHAT[:1].upper()}{WHAT[1:]}.")
     tune.add_argument("--method", default="ball", metavar="LAW", help="law; MODULE:CLASS of your own (default: ball)")

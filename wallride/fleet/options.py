@@ -1,19 +1,16 @@
 """Options of `wallride router`, `wallride stop` and `wallride race`."""
 
-import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from wallride import client_options
+from wallride.parser import Commands
 from wallride.runtime.host.terminal_text import say
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
 
 BENCH_ROUTER: Final = "tcp/127.0.0.1:7449"
 
 
-def add(commands: "Commands") -> None:
+def add(commands: Commands) -> None:
     """Add the commands."""
     router = commands.add_parser(
         "router",
@@ -25,7 +22,7 @@ def add(commands: "Commands") -> None:
     router.add_argument(
         "--listen", default=BENCH_ROUTER, metavar="ENDPOINT", help=f"without a file: where (default: {BENCH_ROUTER})"
     )
-    router.set_defaults(run=_router, print_line=say)
+    router.set_defaults(run=client_options.client("fleet.router"), print_line=say)
     stop = commands.add_parser(
         "stop",
         help="e-stop to one car or to all",
@@ -35,7 +32,7 @@ def add(commands: "Commands") -> None:
     client_options.add_common(stop)
     stop.add_argument("--all", action="store_true", help="stop every car at every endpoint: --connect A,B")
     client_options.add_name(stop)
-    stop.set_defaults(run=_stop, print_line=say)
+    stop.set_defaults(run=client_options.client("fleet.stop"), print_line=say)
     race = commands.add_parser(
         "race",
         help="laps, gaps and positions of several cars",
@@ -53,22 +50,4 @@ def add(commands: "Commands") -> None:
         "--order", choices=("laps", "best"), default="laps", help="positions by laps and time, or by the best lap"
     )
     race.add_argument("--json", action="store_true", help="print JSON, a line per second")
-    race.set_defaults(run=_race, print_line=say)
-
-
-def _stop(options: argparse.Namespace) -> int:
-    from wallride.clients.fleet import stop
-
-    return client_options.run_client(stop.run, options)
-
-
-def _router(options: argparse.Namespace) -> int:
-    from wallride.clients.fleet import router
-
-    return client_options.run_client(router.run, options)
-
-
-def _race(options: argparse.Namespace) -> int:
-    from wallride.clients.fleet import race_command
-
-    return client_options.run_client(race_command.run, options)
+    race.set_defaults(run=client_options.client("fleet.race_command"), print_line=say)

@@ -12,6 +12,7 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
+from PIL import Image, ImageDraw
 
 from wallride.drivers.api import MotorState
 from wallride.runtime.control.limiter import Limiter, Limits
@@ -22,7 +23,7 @@ from wallride.sim.scenario.scenario_file import MAX_START_TO_WALL_M
 from wallride.sim.virtual.closed_loop import RANGE_MAX_M
 from wallride.sim.virtual.twin_world import TwinWorld, WorldMotor
 from wallride.sim.world.lap import LapCounter
-from wallride.sim.world.pose import Pose, Side
+from wallride.sim.world.pose import CAR, Floats, Pose, Side
 from wallride.sim.world.worlds import load_world
 
 Observation = dict[str, npt.NDArray[np.float32]]
@@ -34,6 +35,9 @@ POSE_NUMBERS = 3
 NUMBERS = "fiu"
 """Kinds of numpy's types that are real numbers."""
 _SEEDS = 2**31
+SIZE_PX = 480
+VIEW_M = 16.0
+_PAPER, _WALL, _WAY, _SCAN, _CAR = "white", "#404040", "#1f77b4", "#d62728", "#ff7f0e"
 
 
 class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
@@ -139,7 +143,6 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         if self.render_mode is None:
             return None
         self._check_begun("render")
-        from wallride.gym.picture import picture  # Pillow, for those who look
 
         pose, lidar = self._twin.vehicle.pose, self._lidar
         place = pose.ahead(lidar.mount_x_m, lidar.mount_y_m)
@@ -206,10 +209,7 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         )  # fmt: skip
         self._last = state
         self._ranges_m = np.nan_to_num(ranges_m, nan=RANGE_MAX_M)
-        return {
-            "scan": self._ranges_m.copy(),
-            "odometry": self._odometry.astype(np.float32),
-        }
+        return {"scan": self._ranges_m.copy(), "odometry": self._odometry.astype(np.float32)}
 
     def _info(self) -> dict[str, Any]:
         pose = self._twin.vehicle.pose
@@ -225,3 +225,29 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             "laps": self._laps,
             "contact_mps": self._twin.contact_mps,
         }
+
+
+def picture(
+    pose: Pose, segments_m: Floats, points_m: Floats, way: Sequence[tuple[float, float]]
+) -> npt.NDArray[np.uint8]:
+    """Return (SIZE_PX, SIZE_PX, 3) bytes, red, green, blue: VIEW_M of the world, the car in the middle.
+
+    segments_m: of walls and obstacles, (n, 4). points_m: of the scan in the world, (n, 2). way: places so far.
+    """
+    image = Image.new("RGB", (SIZE_PX, SIZE_PX), _PAPER)
+    draw = ImageDraw.Draw(image)
+    ends = _pixels(pose, segments_m.reshape(-1, 2)).reshape(-1, 4)
+    seen = (np.minimum(ends[:, :2], ends[:, 2:]) < SIZE_PX) & (np.maximum(ends[:, :2], ends[:, 2:]) >= 0)
+    for line in ends[seen.all(axis=1)].tolist():
+        draw.line(line, fill=_WALL, width=2)
+    if len(way) > 1:
+        draw.line(_pixels(pose, np.array(way)).ravel().tolist(), fill=_WAY, width=2)
+    draw.point(_pixels(pose, points_m).ravel().tolist(), fill=_SCAN)
+    corners = [pose.ahead(forward_m, left_m) for forward_m, left_m in CAR.corners()]
+    draw.polygon(_pixels(pose, np.array([(at.x_m, at.y_m) for at in corners])).ravel().tolist(), outline=_CAR, width=2)
+    return np.array(image)
+
+
+def _pixels(middle: Pose, places_m: Floats) -> Floats:
+    """Return places in the world, (n, 2), as columns and rows of the picture."""
+    return SIZE_PX / 2 + (places_m - (middle.x_m, middle.y_m)) * (SIZE_PX / VIEW_M) * (1.0, -1.0)

@@ -7,6 +7,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 
 from wallride.failure import fail
+from wallride.parser import Commands
 from wallride.runtime.host.output_files import Content, write_files
 
 HERE = Path(__file__).parent
@@ -17,7 +18,7 @@ DRIVERS = ("lidar", "motor")
 DRIVER, EMULATOR = "Driver", "Emulator"
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(commands: Commands) -> None:
     """Add `new` and what it makes."""
     new = commands.add_parser("new", help="begin something of your own: a law, a driver")
     things = new.add_subparsers(dest="thing", required=True, metavar="THING")

@@ -18,8 +18,7 @@ from wallride.drivers.pca9685.settings import Pca9685Settings
 from wallride.drivers.pwm.driver import PulsePort, PwmMotor
 from wallride.runtime.ending import end
 from wallride.runtime.lidars import lidar_for, motor_for
-from wallride.runtime.settings.devices import AnyMotorSettings
-from wallride.runtime.settings.scan_topic import TopicLidarSettings
+from wallride.runtime.settings.devices import AnyMotorSettings, TopicLidarSettings
 from wallride.runtime.settings.tree import Settings
 
 FIRST_SCAN_S: Final = 12.0

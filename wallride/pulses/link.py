@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from types import TracebackType
 from typing import Protocol, Self
 
 import numpy as np
@@ -70,9 +69,7 @@ class PulseLink:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._bench.close(self._throttle.last_us(), self._settings.neutral_us)
 
     @property

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Final
 
 from wallride.failure import fail
-from wallride.runtime.host.questions import yes_or_no
-from wallride.runtime.host.terminal_text import say
+from wallride.parser import Commands
+from wallride.runtime.host.terminal_text import say, yes_or_no
 
 RUNNING: Final = Path("run/systemd/system")
 RELOADED: Final = (
@@ -22,7 +22,7 @@ RELOADED: Final = (
 NOT_INSTALLED: Final = 1
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(commands: Commands) -> None:
     """Add the command and its three actions."""
     service = commands.add_parser("service", help="the car's service, which starts at boot")
     actions = service.add_subparsers(dest="action", required=True, metavar="ACTION")

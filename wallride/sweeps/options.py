@@ -1,37 +1,26 @@
 """Options of `wallride lab sweep`, `compare` and `scenario`. The lab is imported when a command runs."""
 
 import argparse
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from wallride.failure import needs
-from wallride.parser import add_jobs, add_json, add_set
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]  # noqa: SLF001 - argparse has no public name for it
+from wallride.failure import later
+from wallride.parser import Commands, add_jobs, add_json, add_set
 
 
-def add(experiments: "Commands") -> None:
+def add(experiments: Commands) -> None:
     """Add the commands."""
     _add_sweep(experiments)
     _add_compare(experiments)
     _add_scenario(experiments)
 
 
-def _command(experiments: "Commands", name: str, module: str, what: str, description: str) -> argparse.ArgumentParser:
+def _command(experiments: Commands, name: str, module: str, what: str, description: str) -> argparse.ArgumentParser:
     command = experiments.add_parser(name, help=what, description=description)
-    command.set_defaults(run=_run, module=module)
+    command.set_defaults(run=later(module, "sim", "the simulator needs"))
     return command
 
 
-def _run(options: argparse.Namespace) -> int:
-    with needs("sim", "the simulator needs"):
-        command: Any = import_module(options.module)
-    return int(command.run(options))
-
-
-def _add_sweep(experiments: "Commands") -> None:
+def _add_sweep(experiments: Commands) -> None:
     sweep = _command(
         experiments, "sweep", "wallride.sim.lab.sweep.command",
         "runs declared in a file, into a table; goes on where it was interrupted",
@@ -49,7 +38,7 @@ def _add_sweep(experiments: "Commands") -> None:
     sweep.add_argument("--again-failed", action="store_true", help="run those again that failed")
 
 
-def _add_compare(experiments: "Commands") -> None:
+def _add_compare(experiments: Commands) -> None:
     compare = _command(
         experiments, "compare", "wallride.sim.lab.compare.command",
         "whether two sweeps differ: paired differences with bootstrap intervals",
@@ -67,7 +56,7 @@ def _add_compare(experiments: "Commands") -> None:
     add_json(compare, "the comparison")
 
 
-def _add_scenario(experiments: "Commands") -> None:
+def _add_scenario(experiments: Commands) -> None:
     scenario = _command(
         experiments, "scenario", "wallride.sim.scenario.command",
         "drives scenario files in virtual time: pass or fail for each expectation",

@@ -1,7 +1,10 @@
-"""One change of a VESC's application configuration: look, say, ask, keep a copy, write, read back."""
+"""One change of a VESC's application configuration: look, say, ask, keep a copy, write while it stands, read back."""
 
 import asyncio
-from collections.abc import Callable
+import json
+import os
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -10,10 +13,8 @@ from wallride.doctor.motor_config import BY_TOOL_SERVO, BY_TOOL_TIMEOUT
 from wallride.drivers.address import Address
 from wallride.drivers.api import LinkLost
 from wallride.drivers.vesc.app_config import AppConfig, change_app_config, decode_app_config, layout_of, unlike_places
-from wallride.drivers.vesc.replies import HARDWARE_VESC, Firmware
+from wallride.drivers.vesc.replies import HARDWARE_VESC, STATUS_TIMED_OUT, Firmware, Values
 from wallride.drivers.vesc.settings_link import VescSettingsLink
-from wallride.vesc import backup
-from wallride.vesc.standstill import why_not_idle
 
 NOT_AS_WANTED: Final = 3
 """Exit code: something was written, and what is in the controller now is not what was asked for, or unknown."""
@@ -23,6 +24,72 @@ BY_TOOL: Final = f"in {BY_TOOL_TIMEOUT}, and {BY_TOOL_SERVO.partition(': ')[2]}"
 REOPENED_TIMES: Final = 25
 REOPEN_EVERY_S: Final = 0.2
 AFTERWARDS: Final = "now switch the VESC off and on, and see that it kept them:  wallride doctor --only motor"
+OBSERVED_S: Final = 0.5
+ASK_EVERY_S: Final = 0.02
+SPARE_S: Final = 1.5
+MAX_SHOWN_TIMEOUT_S: Final = 3.0
+"""A longer command timeout, or none, is not waited for."""
+STANDING_ERPM: Final = 300
+"""Under it a VESC's speed is noise."""
+STANDING_STEPS: Final = 1
+IDLE_DUTY: Final = 0.005
+
+
+class BackupError(Exception):
+    """The file is of no use; the text is one line with the remedy."""
+
+
+@dataclass(frozen=True, slots=True)
+class Backup:
+    """uuid: of the controller, in hexadecimal digits. configuration: from its signature on."""
+
+    firmware: str
+    hardware: str
+    uuid: str
+    configuration: bytes
+
+    @classmethod
+    def of(cls, firmware: Firmware, configuration: bytes) -> "Backup":
+        """Return the backup of a controller."""
+        return cls(firmware.version, firmware.hardware, firmware.uuid.hex(), configuration)
+
+
+def backup_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """Return the folder of backups: in the user's folder of states."""
+    return Path(environment.get("XDG_STATE_HOME") or "~/.local/state").expanduser() / "wallride" / "vesc"
+
+
+def save(backup: Backup, folder: Path) -> Path:
+    """Write a backup to the disk, under a name of its own; OSError where it cannot be."""
+    folder.mkdir(parents=True, exist_ok=True)
+    stem = f"{backup.uuid[-8:] or 'vesc'}-{time.strftime('%Y%m%d-%H%M%S', time.gmtime())}"
+    text = {
+        "firmware": backup.firmware, "hardware": backup.hardware, "uuid": backup.uuid,
+        "configuration": backup.configuration.hex(),
+    }  # fmt: skip
+    for number in range(1, 1000):
+        path = folder / f"{stem}{'' if number == 1 else f'-{number}'}.json"
+        try:
+            with path.open("x", encoding="utf-8") as file:
+                file.write(json.dumps(text, indent=1) + "\n")
+                file.flush()
+                os.fsync(file.fileno())  # before the controller is changed
+        except FileExistsError:
+            continue
+        return path
+    raise FileExistsError(17, "too many backups of one second", str(folder))
+
+
+def load(path: Path) -> Backup:
+    """Read a backup; BackupError for another file."""
+    try:
+        text = json.loads(path.read_text(encoding="utf-8"))
+        found = Backup(text["firmware"], text["hardware"], text["uuid"], bytes.fromhex(text["configuration"]))
+    except OSError as error:
+        raise BackupError(f"{path}: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError):
+        raise BackupError(f"{path}: is no copy of `wallride vesc set`; they are in {backup_folder()}") from None
+    return found
 
 
 class VescChangeError(Exception):
@@ -86,8 +153,8 @@ async def set_values(access: VescAccess, wish: SettingsWish) -> int:
 async def restore(access: VescAccess, file: Path) -> int:
     """Write a backup into the controller that it is of; as set_values."""
     try:
-        kept = backup.load(file)
-    except backup.BackupError as error:
+        kept = load(file)
+    except BackupError as error:
         raise VescChangeError(str(error)) from None
 
     def wanted(found: VescContents) -> bytes:
@@ -187,7 +254,7 @@ async def _check_idle(link: VescSettingsLink, found: VescContents) -> None:
 
 def _keep(access: VescAccess, found: VescContents) -> Path:
     try:
-        kept = backup.save(backup.Backup.of(found.firmware, found.configuration), access.folder)
+        kept = save(Backup.of(found.firmware, found.configuration), access.folder)
     except OSError as error:
         raise VescChangeError(
             f"{error.filename or access.folder}: {error.strerror}: without a copy of what is there nothing is changed"
@@ -263,3 +330,38 @@ def _judge(access: VescAccess, found: VescContents, new: bytes, outcome: VescOut
 def recommended() -> SettingsWish:
     """Return what protects a car."""
     return replace(SettingsWish(RECOMMENDED_TIMEOUT_S, RECOMMENDED_BRAKE_A, servo_output=True), recommended=True)
+
+
+async def why_not_idle(link: VescSettingsLink, timeout_s: float) -> str:
+    """Return why the controller must not be written now; "" where it stood, uncommanded, for half a second.
+
+    timeout_s: its command timeout: where its firmware reports it, it must have passed. LinkLost as of the link.
+    """
+    waited = 0 < timeout_s <= MAX_SHOWN_TIMEOUT_S
+    clock = asyncio.get_running_loop().time
+    now_s = clock()
+    give_up_s = now_s + OBSERVED_S + SPARE_S + (timeout_s if waited else 0.0)
+    idle_since_s, first, last_why = now_s, None, ""
+    while (now_s := clock()) < give_up_s:
+        values = await link.values()
+        if values is None:
+            return "the VESC does not tell its speed"
+        why = _why_busy(values, first, needs_timeout=waited)
+        if why:
+            idle_since_s, first, last_why = clock(), None, why
+        elif first is None:
+            idle_since_s, first = clock(), values
+        elif now_s - idle_since_s >= OBSERVED_S:
+            return ""
+        await asyncio.sleep(ASK_EVERY_S)
+    return last_why or "the VESC answers too slowly"
+
+
+def _why_busy(values: Values, first: Values | None, *, needs_timeout: bool) -> str:
+    turned = first is not None and abs(values.tachometer - first.tachometer) > STANDING_STEPS
+    if abs(values.erpm) >= STANDING_ERPM or turned:
+        return f"the wheels turn ({values.erpm} ERPM): let the car stand"
+    commanded = needs_timeout and values.status is not None and not values.status & STATUS_TIMED_OUT
+    if commanded or abs(values.duty) > IDLE_DUTY:
+        return "a program commands the motor: end it (wallride, VESC Tool, a remote control)"
+    return ""

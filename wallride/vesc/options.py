@@ -6,11 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wallride.client_options import between
 from wallride.failure import fail
-from wallride.parser import add_config, add_set, default_config
-from wallride.runtime.host.questions import yes_or_no
-from wallride.runtime.host.terminal_text import say
+from wallride.parser import Commands, add_config, add_set, default_config, number
+from wallride.runtime.host.terminal_text import say, yes_or_no
 
 if TYPE_CHECKING:
     from wallride.vesc.change import SettingsWish
@@ -19,7 +17,7 @@ MIN_TIMEOUT_MS, MAX_TIMEOUT_MS = 50, 1000
 MAX_BRAKE_A = 100.0
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add(commands: Commands) -> None:
     """Add the command and its two actions."""
     vesc = commands.add_parser("vesc", help="set what protects the car inside the VESC, or put it back")
     actions = vesc.add_subparsers(dest="action", required=True, metavar="ACTION")
@@ -32,11 +30,11 @@ def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         " was changed, 3 look at what it says.",
     )
     change.add_argument(
-        "--timeout-ms", type=between(MIN_TIMEOUT_MS, MAX_TIMEOUT_MS), metavar="MS",
+        "--timeout-ms", type=number(MIN_TIMEOUT_MS, MAX_TIMEOUT_MS), metavar="MS",
         help="time without a command after which the VESC brakes by itself",
     )  # fmt: skip
     change.add_argument(
-        "--brake-current-a", type=between(0.0, MAX_BRAKE_A), metavar="A", help="with which it brakes then"
+        "--brake-current-a", type=number(0.0, MAX_BRAKE_A), metavar="A", help="with which it brakes then"
     )
     change.add_argument("--servo-output", choices=("on", "off"), help="steering (firmware 5.03 and later)")
     back = actions.add_parser(
@@ -62,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     from wallride.drivers.vesc.settings import VescSettings
     from wallride.runtime.settings.tree import SettingsError, load_settings
     from wallride.vesc import change
-    from wallride.vesc.backup import backup_folder
+    from wallride.vesc.change import backup_folder
     from wallride.vesc.port import refuse_taken_port
 
     try:

@@ -10,22 +10,50 @@ import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+import numpy as np
+
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab.cell import DESIRED_M
-from wallride.sim.lab.courses.glass import GlassWall
 from wallride.sim.lab.limit import Task, Wall
 from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, Case
 from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.place import World
-from wallride.sim.world.pose import Pose, Side
+from wallride.sim.world.pose import CAR, Floats, Footprint, Pose, Side
 from wallride.sim.world.segments import SegmentGeometry
 from wallride.sim.world.worlds import load_world
 
+SEEN_WITHIN_RAD = math.radians(4.0)
+"""Maximum angle to the normal; other beams are reflected away (control-and-safety notes: "within about 4 deg")."""
 SLANT_RAD = math.radians(20.0)
 ROUGH_LATENCY_S, ROUGH_TRIM_RAD, ROUGH_NOISE_M = 0.06, 0.03, 0.03
 SMUDGES = ((-97.0, -94.5, 0.05), (40.0, 41.0, 0.12), (88.0, 89.5, 0.20))
 """(from, to) [deg] and range [m]: 2 to 5 mm wide, one of them in the sector of the wall search."""
 _PANE_FROM_M, _PANE_TO_M = 3.0, 7.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GlassWall:
+    """World, part of whose wall is glass, with nothing behind it: a car hits it anywhere.
+
+    pane_m: (x0, y0, x1, y1), lying in a wall of the world.
+    """
+
+    world: World
+    pane_m: tuple[float, float, float, float]
+
+    def cast(self, x_m: float | Floats, y_m: float | Floats, bearing_rad: Floats) -> Floats:
+        """Return distances as `World.cast`; inf where a beam meets the pane aslant."""
+        walls_m = self.world.cast(x_m, y_m, bearing_rad)
+        pane_m = SegmentGeometry(np.array(self.pane_m)).cast(x_m, y_m, bearing_rad)
+        on_glass = pane_m <= walls_m + 1e-6
+        x0, y0, x1, y1 = self.pane_m
+        along_rad = math.atan2(y1 - y0, x1 - x0)
+        square = np.abs(np.sin(bearing_rad - along_rad)) >= math.cos(SEEN_WITHIN_RAD)
+        return np.where(on_glass & ~square, np.inf, walls_m)
+
+    def clearance(self, pose: Pose, footprint: Footprint = CAR) -> float:
+        """Return the distance to the walls, glass or not."""
+        return self.world.clearance(pose, footprint)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 import pytest
 
 from wallride.clients.door.auth import DoorAuth, door_auth, is_loopback
-from wallride.clients.door.token_file import file_name, login_token
+from wallride.clients.door.listening import file_name, login_token
 
 SECRET = login_token(environment={})
 LOCAL = door_auth("127.0.0.1", SECRET)

@@ -5,10 +5,9 @@ import math
 import pytest
 
 from wallride.clients.connection import ConnectionProblemError
-from wallride.clients.fleet.lap_timer import MAX_HIDDEN
+from wallride.clients.fleet.lap_timer import MAX_HIDDEN, StartLine, line_between
 from wallride.clients.fleet.race import Order, RaceControl
 from wallride.clients.fleet.race_command import lines_of, table
-from wallride.clients.fleet.start_line import StartLine, line_between
 
 RADIUS_M = 3.0
 ROUND_M = math.tau * RADIUS_M

@@ -10,7 +10,7 @@ import aiohttp
 import pytest
 
 from tests.clients.monitor.fake_car import FakeCar
-from wallride.clients.foxglove import channels, server, viewer
+from wallride.clients.foxglove import server, viewer
 from wallride.runtime.recording.channels import text_of
 from wallride.runtime.ros.definitions import TYPES, encoding
 from wallride.runtime.ros.messages import float32
@@ -234,7 +234,7 @@ async def test_what_is_not_understood_is_said_and_the_viewer_stays():
 async def test_a_slow_viewer_loses_the_oldest_messages():
     unused: Any = None
     bus: Any = RecordedBus()
-    slow = viewer.Viewer(unused, viewer.Served("car1", channels.CarChannels(bus, "car1"), unused, unused))
+    slow = viewer.Viewer(unused, viewer.Served("car1", viewer.CarChannels(bus, "car1"), unused, unused))
     slow._select({"subscriptions": [{"id": 7, "channelId": 1}]})
     for number in range(1000):
         slow._take(1, number, b"")

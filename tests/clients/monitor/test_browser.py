@@ -10,7 +10,7 @@ import pytest
 from tests.clients.monitor.fake_car import FakeCar
 from tests.clients.monitor.operating import watching
 from tests.promises import promise
-from wallride.clients.door.token_file import file_name
+from wallride.clients.door.listening import file_name
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.wire.ports import free_endpoint
 from wallride.runtime.wire.teleop import CarCondition

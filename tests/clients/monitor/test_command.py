@@ -13,7 +13,7 @@ from wallride import monitor_options
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.fleet import links
 from wallride.clients.monitor import server
-from wallride.clients.monitor.qr import qr_lines
+from wallride.clients.monitor.server import qr_lines
 
 
 def options(*arguments):

@@ -9,7 +9,7 @@ from urllib.parse import unquote, urlsplit
 
 from tests.clients.monitor.test_command import options
 from wallride.clients.monitor import server
-from wallride.clients.monitor.handover import handed_over
+from wallride.clients.monitor.server import handed_over
 
 URL = "http://127.0.0.1:8447/?token=abcdefghijklmnop"
 

@@ -3,9 +3,9 @@
 import pytest
 
 from wallride.clients.calibration.link import LetGoError
+from wallride.clients.monitor.calibration import PageDeadman
 from wallride.clients.monitor.driving import SILENT_S
 from wallride.clients.monitor.messages import InputState
-from wallride.clients.monitor.page_deadman import PageDeadman
 from wallride.clients.teleop.pilot import LINK_LOST_S
 from wallride.runtime.wire.teleop import Beat, CarCondition
 

@@ -10,10 +10,10 @@ import aiohttp
 import pytest
 
 from tests.promises import promise
-from wallride.clients.door import connections
+from wallride.clients.door import door as the_door
 from wallride.clients.fleet.cars import UNREADABLE
 from wallride.clients.fleet.race import RaceControl
-from wallride.clients.monitor import assets
+from wallride.clients.monitor import server
 from wallride.clients.monitor.outbox import TOPICS
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
@@ -52,7 +52,7 @@ def connect(http, scene, **headers):
 
 
 def test_every_file_that_the_page_names_is_in_the_package():
-    files = assets.read_all()
+    files = server.read_all()
     text = "".join(asset.body.decode() for asset in files.values())
     assert {"index.html", "style.css", "main.js", "icon.svg"} <= files.keys()
     for name in files.keys() - {"index.html"}:
@@ -188,7 +188,7 @@ async def half_request(scene):
 
 
 async def test_half_a_request_is_not_waited_for(scene, http, monkeypatch):
-    monkeypatch.setattr(connections, "IDLE_S", 1.0)
+    monkeypatch.setattr(the_door, "IDLE_S", 1.0)
     async with scene.car(), scene.monitor(), connect(http, scene) as socket:
         await hello(socket)
         halves = [await half_request(scene) for _ in range(20)]
@@ -202,7 +202,7 @@ async def test_half_a_request_is_not_waited_for(scene, http, monkeypatch):
 
 
 async def test_too_many_connections_end_the_oldest(scene, http, monkeypatch):
-    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 5)
+    monkeypatch.setattr(the_door, "MAX_CONNECTIONS", 5)
     async with scene.monitor():
         halves = [await half_request(scene) for _ in range(20)]
         async with asyncio.timeout(5):

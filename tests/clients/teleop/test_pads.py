@@ -18,7 +18,6 @@ from tests.clients.teleop.recordings import (
 )
 from wallride.clients.teleop import pad_files
 from wallride.clients.teleop.inputs import Control
-from wallride.clients.teleop.mode_button import ModeWatch
 from wallride.clients.teleop.pads import (
     F710,
     Axis,
@@ -33,6 +32,7 @@ from wallride.clients.teleop.pads import (
     parse_mapping,
     usb_id,
 )
+from wallride.clients.teleop.sources import ModeWatch
 
 CONTROLS = (Control.AUTONOMY, Control.ESTOP, Control.RESET, Control.TAKE_OVER)
 F710_MODES = {

@@ -4,10 +4,15 @@ import struct
 
 import pytest
 
-from wallride.drivers.vesc.app_config import AppConfig, change_app_config, decode_app_config, layout_of, unlike_places
-from wallride.drivers.vesc.app_layouts import LAYOUTS
-from wallride.sim.devices.vesc_config import EmulatedAppConfig
-from wallride.sim.devices.vesc_replies import APP_SIGNATURES
+from wallride.drivers.vesc.app_config import (
+    LAYOUTS,
+    AppConfig,
+    change_app_config,
+    decode_app_config,
+    layout_of,
+    unlike_places,
+)
+from wallride.sim.devices.vesc_replies import APP_SIGNATURES, EmulatedAppConfig
 
 FIRMWARE_6_05 = 2099347128
 SERVO_AT, APPLICATION_AT = 31, 33

@@ -8,10 +8,9 @@ from hypothesis import strategies as st
 
 from wallride.drivers.api import Health, MotorState
 from wallride.drivers.vesc.calibration import Calibration
-from wallride.drivers.vesc.condition import VescMonitor
+from wallride.drivers.vesc.condition import MAX_STEPS_PER_POLL, Tachometer, VescMonitor
 from wallride.drivers.vesc.replies import Values
 from wallride.drivers.vesc.settings import VescSettings
-from wallride.drivers.vesc.tachometer import MAX_STEPS_PER_POLL, Tachometer
 
 WELL = Values(
     motor_current_a=1.0,

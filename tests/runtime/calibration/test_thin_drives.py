@@ -7,9 +7,8 @@ import pytest
 
 from tests.runtime.calibration.planted import planted_car
 from wallride.clients.calibration import ways
-from wallride.runtime.calibration.braking import fit_braking
 from wallride.runtime.calibration.delays import KnownMotion, fit_motor, fit_servo
-from wallride.runtime.calibration.measured_car import measure_forward_m
+from wallride.runtime.calibration.measured_car import fit_braking, measure_forward_m
 from wallride.runtime.calibration.trace import Trace
 
 KNOWN = KnownMotion(wheelbase_m=0.33, speed_factor=1.0, rate_radps=3.2)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from wallride.runtime.host.questions import asked, yes_or_no
+from wallride.runtime.host.terminal_text import asked, yes_or_no
 
 
 @pytest.fixture

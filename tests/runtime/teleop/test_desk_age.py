@@ -8,7 +8,7 @@ from tests.runtime.operator_rig import BEAT_S, HAND_MPS, Rig
 from tests.runtime.teleop.presses import BOTH, ESTOP, GOODBYE, MANUAL, NOTHING, RESET
 from wallride.runtime.arbitration.command import Source
 from wallride.runtime.teleop import desk
-from wallride.runtime.teleop.freshness import Beats
+from wallride.runtime.teleop.sessions import Beats
 
 
 @pytest.mark.parametrize("permit", BOTH)

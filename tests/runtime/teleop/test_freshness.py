@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wallride.runtime.teleop.freshness import REMEMBERED_BEATS, Beats, newer
+from wallride.runtime.teleop.sessions import REMEMBERED_BEATS, Beats, newer
 
 U32 = st.integers(0, 2**32 - 1)
 

@@ -1,6 +1,6 @@
 """Several runs into one."""
 
-from wallride.sim.bench.medians import median_of
+from wallride.sim.bench.measure import median_of
 
 
 def test_every_number_becomes_its_median_wherever_it_stands():

@@ -9,8 +9,7 @@ import pytest
 from wallride.drivers.vesc.codec import Packet
 from wallride.drivers.vesc.replies import decode_imu
 from wallride.drivers.vesc.settings import VescSettings
-from wallride.sim.car.inertia import MEMS_BIAS_DEGPS, MEMS_BIAS_G
-from wallride.sim.car.plant import Plant
+from wallride.sim.car.plant import MEMS_BIAS_DEGPS, MEMS_BIAS_G, Plant
 from wallride.sim.car.vehicle import Vehicle
 from wallride.sim.devices.vesc import MotorDemand
 from wallride.sim.devices.vesc_replies import imu_reply

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from wallride.sim.car.delay import DelayLine
-from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, SpeedDemand, Vehicle, VehicleSettings
+from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, DelayLine, SpeedDemand, Vehicle, VehicleSettings
 from wallride.sim.world.pose import Pose
 
 STEP_S = 0.005

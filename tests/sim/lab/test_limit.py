@@ -5,12 +5,21 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.lab.limits import MUS, SPEEDS_MPS, driven_mean_error_m
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab.courses.walls import ALL_COURSES, COURSES, case_of, limit_task
-from wallride.sim.lab.limit import SCAN_S, Task, _best, _Problem, _scan_weights, driven_mean_error_m, least_mean_error_m
-from wallride.sim.lab.limits import FILE, MUS, REFERENCE_M, SPEEDS_MPS, key, limit_m
+from wallride.sim.lab.limit import SCAN_S, SteeringProblem, Task, _scan_weights, best_steering, least_mean_error_m
+from wallride.sim.lab.limits import FILE, key, limit_m
 from wallride.sim.world.pose import Pose
 
+REFERENCE_M = {
+    "t1": {1.0: 0.091, 2.0: 0.118, 3.0: 0.174},
+    "t2": {1.0: 0.038, 2.0: 0.038, 3.0: 0.050, 4.0: 0.049},
+    "t3": {1.0: 0.035, 2.0: 0.040, 3.0: 0.047, 4.0: 0.052},
+    "t4": {1.0: 0.091, 2.0: 0.119, 3.0: 0.174, 4.0: 0.257},
+    "t5": {1.0: 0.021, 2.0: 0.022, 3.0: 0.034, 4.0: 0.074},
+}
+"""Limits that another simulator's search found, mu 0.8 (design notes, section 3)."""
 WALL = ((-5.0, 1.0, 55.0, 1.0),)
 
 
@@ -59,7 +68,7 @@ def test_what_counts_is_the_error_at_the_scans_and_the_first_one_is_at_the_start
     assert weights[1:-1] == pytest.approx(4 / 240)
     away = task(0.8, -0.1)  # nothing is done about it: 0.2 m less 0.1 per metre of way
     errors_m = np.abs(0.2 - np.sin(0.1) * np.arange(0.0, 6.0, SCAN_S))
-    assert _Problem(away).cost(_Problem(away).straight()) == pytest.approx(errors_m.mean(), abs=5e-4)
+    assert SteeringProblem(away).cost(SteeringProblem(away).straight()) == pytest.approx(errors_m.mean(), abs=5e-4)
 
 
 def test_less_grip_a_slower_servo_and_a_delay_cost():
@@ -74,7 +83,7 @@ def test_less_grip_a_slower_servo_and_a_delay_cost():
 
 def test_the_steering_found_keeps_stop_and_rate():
     hard = task(1.5, -0.35, 2.0)
-    steering_rad = np.array([0.0, *_best(hard)[1]])
+    steering_rad = np.array([0.0, *best_steering(hard)[1]])
     assert np.abs(steering_rad).max() <= 0.34 + 1e-6
     assert np.abs(np.diff(steering_rad)).max() <= 3.2 * 0.1 / 2.0 + 1e-6
     assert np.abs(steering_rad).max() > 0.3  # it is a hard task: it uses what it has

@@ -6,8 +6,7 @@ import pytest
 
 from wallride.runtime.wire import topics
 from wallride.sim.recordings import RecordingError
-from wallride.sim.replay.decode import decode
-from wallride.sim.replay.drive_log import is_mcap, read_log
+from wallride.sim.replay.drive_log import decode, is_mcap, read_log
 
 
 def test_a_whole_file_holds_what_was_recorded(dead_end):

@@ -7,9 +7,8 @@ import pytest
 
 from wallride.runtime.wire import topics
 from wallride.sim.recordings import OdometryTrack, Recording, RecordingError, load_recording
-from wallride.sim.replay.decode import decode
-from wallride.sim.replay.foreign import drive_recording, motor_states, settings_for
-from wallride.sim.replay.opening import open_any
+from wallride.sim.replay.drive_log import decode
+from wallride.sim.replay.foreign import drive_recording, motor_states, open_any, settings_for
 from wallride.sim.virtual.devices import ranges_between_walls
 
 BEAMS = 1081

@@ -15,10 +15,9 @@ from tests.sim.replay.recorded import options as offline
 from tests.sim.replay.recorded import record
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.recordings import RecordingError
-from wallride.sim.replay.decode import decode
-from wallride.sim.replay.drive_log import read_log
+from wallride.sim.replay.drive_log import decode, read_log
 from wallride.sim.replay.figures import numbers, stops
-from wallride.sim.replay.opening import open_any
+from wallride.sim.replay.foreign import open_any
 from wallride.sim.replay.run import run_of
 from wallride.sim.run_report import command
 from wallride.sim.run_report.moments import extremes

@@ -11,9 +11,8 @@ from wallride.runtime.arbitration.command import consent
 from wallride.runtime.arbitration.emergency_stop import EmergencyStop
 from wallride.runtime.control.own_laws.runner import LawRunner
 from wallride.runtime.teleop import planners
-from wallride.runtime.teleop.commands import TeleopStatements
-from wallride.runtime.teleop.desk import OperatorDesk
-from wallride.runtime.teleop.freshness import Beats
+from wallride.runtime.teleop.desk import OperatorDesk, TeleopStatements
+from wallride.runtime.teleop.sessions import Beats
 
 LATE_S = 0.5
 PERMIT = "autonomy without a fresh permit after the last incident"

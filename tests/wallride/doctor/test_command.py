@@ -10,8 +10,7 @@ import pytest
 from wallride.bringup import doctor_options
 from wallride.cli import main
 from wallride.doctor import examine
-from wallride.doctor.findings import Level, fail, ok, warn, worst
-from wallride.doctor.report import EXIT_CODES, as_json, exit_code, line, summary
+from wallride.doctor.findings import EXIT_CODES, Level, as_json, exit_code, fail, line, ok, summary, warn, worst
 from wallride.sim.live.runtime_process import WallrideProcess
 
 DEVICES = ["--only", "ports", "--only", "lidar", "--only", "motor"]

@@ -6,7 +6,7 @@ import signal
 import pytest
 
 from wallride.clients.calibration.ways import CalibrationError
-from wallride.pulses import bench
+from wallride.pulses import command
 from wallride.runtime.settings.tree import load_settings
 
 
@@ -36,12 +36,12 @@ class FakeDevices:
 @pytest.fixture
 def words(monkeypatch):
     monkeypatch.setattr(FakeDevices, "words", [])
-    monkeypatch.setattr(bench, "PulseDevices", FakeDevices)
+    monkeypatch.setattr(command, "PulseDevices", FakeDevices)
     return FakeDevices.words
 
 
 def test_orders_go_through_and_the_end_is_a_stop_and_neutral(words):
-    one = bench.PulseBench(load_settings(None, ["motor.driver=maestro"]))
+    one = command.PulseBench(load_settings(None, ["motor.driver=maestro"]))
     one.open(1500.0, 1510.0)
     assert one.write(1490.0, 1600.0, 1510.0) == (1490.0, 1600.0)
     one.close(1400.0, 1510.0)
@@ -52,10 +52,10 @@ def test_orders_go_through_and_the_end_is_a_stop_and_neutral(words):
         one.next_scan()
 
 
-@pytest.mark.parametrize("number", bench.ENDING)
+@pytest.mark.parametrize("number", command.ENDING)
 def test_a_terminal_that_goes_away_ends_in_neutral(words, number):
     before = signal.getsignal(number)
-    one = bench.PulseBench(load_settings(None, ["motor.driver=maestro"]))
+    one = command.PulseBench(load_settings(None, ["motor.driver=maestro"]))
     one.open(1500.0, 1510.0)
     with pytest.raises(SystemExit):
         os.kill(os.getpid(), number)
@@ -69,7 +69,7 @@ def test_an_error_of_the_devices_reaches_the_step(words, monkeypatch):
         raise CalibrationError("no scan")
 
     monkeypatch.setattr(FakeDevices, "instead", staticmethod(lost))
-    one = bench.PulseBench(load_settings(None, ["motor.driver=maestro"]))
+    one = command.PulseBench(load_settings(None, ["motor.driver=maestro"]))
     one.open(1500.0, 1510.0)
     with pytest.raises(CalibrationError, match="no scan"):
         one.next_scan()

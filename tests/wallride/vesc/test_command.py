@@ -28,7 +28,7 @@ def test_values_that_protect_no_car_are_refused(options, capsys):
     with pytest.raises(SystemExit) as end:
         main(["vesc", "set", *options])
     assert end.value.code == 2
-    assert "is not between" in capsys.readouterr().err
+    assert "write a number from" in capsys.readouterr().err
 
 
 def test_a_port_that_is_not_there_is_one_sentence(capsys):
