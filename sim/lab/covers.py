@@ -107,10 +107,10 @@ def run(cell: Cell) -> SimulatedRun:
 def best(cell: Cell) -> SimulatedRun:
     """Drive one cell with a full brake from the first covered scan on."""
     case = case_of(cell)
-    follower, guard = laws.build(cell.law, cell.side, cell.desired_m, cell.speed_mps)
-    if guard is None:
+    if cell.law.endswith("+none"):
         raise TypeError(f"{cell.law}: there is no safety to be covered; leave +none away")
-    return drive(case, follower, Braker(guard, _cover(cell).from_s))
+    stack = laws.stack_in(cell, case)
+    return drive(case, stack.follower, Braker(stack.judge, _cover(cell).from_s))
 
 
 def case_of(cell: Cell) -> Case:

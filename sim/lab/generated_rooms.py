@@ -43,7 +43,7 @@ def run(cell: Cell) -> SimulatedRun:
         world if cell.side == "left" else world.mirrored(), side=cell.side, duration_s=DURATION_S,
         standing_s=GIVEN_UP_S, vehicle=VehicleSettings(grip_mu=cell.mu), seed=cell.seed,
     )  # fmt: skip
-    return drive(case, *build(cell))
+    return drive(case, *build(cell, case))
 
 
 def measure(cell: Cell) -> Figures:

@@ -9,13 +9,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from wallride.runtime.arbitration.command import Source
 from wallride.runtime.control.guidance import Follower, Guard
 from wallride.runtime.control.laws import FOLLOWERS, SAFETY, LawStack, Parts
+from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.own_laws.law_class import OWN_TAG, is_own, load_law
 from wallride.runtime.line_files import read_course
 from wallride.runtime.settings.tree import Settings, load_settings
 from wallride.sim.lab.cell import Cell
+from wallride.sim.lab.courses.driven_line import course_in
 from wallride.sim.lab.courses.prototype import Prototype
+from wallride.sim.lab.courses.sudden import BlindDriver
 from wallride.sim.scenario.conditions import put_on_top
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
 from wallride.sim.world.pose import Side
@@ -60,15 +64,19 @@ def settings_of(law: str, side: Side, desired_m: float, speed_mps: float, assign
 
 
 def build(
-    law: str, side: Side, desired_m: float, speed_mps: float, assignments: Sequence[str] = ()
-) -> tuple[Follower, Guard | None]:
+    law: str, side: Side, desired_m: float, speed_mps: float, assignments: Sequence[str] = (),
+    course: RaceCourse | None = None,
+) -> tuple[Follower, Guard | None]:  # fmt: skip
     """Return fresh laws with the settings of `settings_of`."""
-    laws = stack_of(law, side, desired_m, speed_mps, assignments)
+    laws = stack_of(law, side, desired_m, speed_mps, assignments, course)
     return laws.follower, None if check(law).endswith("+none") else laws.judge
 
 
-def stack_of(law: str, side: Side, desired_m: float, speed_mps: float, assignments: Sequence[str] = ()) -> LawStack:
-    """Return the fresh stack of laws, on the map that the settings name, if any. Raises: SettingsError, MapError.
+def stack_of(
+    law: str, side: Side, desired_m: float, speed_mps: float, assignments: Sequence[str] = (),
+    course: RaceCourse | None = None,
+) -> LawStack:  # fmt: skip
+    """Return the fresh stack of laws, on a course or the map that the settings name. Raises: SettingsError, MapError.
 
     "none" is the report's safety with both rules off.
     """
@@ -78,8 +86,27 @@ def stack_of(law: str, side: Side, desired_m: float, speed_mps: float, assignmen
         return Prototype(side, desired_m, speed_mps, parts.car, parts.perception.views)
 
     driver = prototype if check(law).startswith("prototype+") else None
-    course = read_course(settings.map, settings.car)
+    course = course or read_course(settings.map, settings.car)
     return LawStack(settings.wall_follow, settings.safety, settings.car, driver=driver, course=course)
+
+
+def stack_in(cell: Cell, case: Case, assignments: Sequence[str] = (), blind: Follower | None = None) -> LawStack:
+    """Return the fresh stack of a cell's laws; `line` without a map gets one of the case's walls.
+
+    Its line is the way of `ball`, or that of a blind driver, and its first lap is at full speed.
+    """
+    known: tuple[str, ...] = (*cell.settings, *assignments)
+    if not needs_line(cell):
+        return stack_of(cell.law, cell.side, case.desired_m, cell.speed_mps, known)
+    ball, _ = build("ball", cell.side, case.desired_m, cell.speed_mps)
+    course = course_in(case, blind or ball, cell.speed_mps, blind=blind is not None)
+    known = ("wall_follow.first_lap_share=1", f"wall_follow.floor_mu={cell.mu}", *known)
+    return stack_of(cell.law, cell.side, case.desired_m, cell.speed_mps, known, course)
+
+
+def needs_line(cell: Cell) -> bool:
+    """Return whether a cell's law drives by a line, and its settings name no map."""
+    return check(cell.law).startswith("line+") and not any(text.startswith("map.") for text in cell.settings)
 
 
 def own_law_faults(laws: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -92,12 +119,17 @@ def own_law_faults(laws: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> li
 def drive_case(cell: Cell, case: Case, navigator: Follower | None = None, guard: Guard | None = None) -> SimulatedRun:
     """Drive a case with the laws, settings, conditions and own parts of a cell, at the case's distance to the wall.
 
-    navigator, guard: in place of the law's own.
+    navigator, guard: in place of the law's own. Where the law drives by a line, the way of a blind navigator is the
+    line, which the law's own navigator drives.
     """
-    follower, built = build(cell.law, cell.side, case.desired_m, cell.speed_mps, cell.settings)
+    blind = navigator if isinstance(navigator, BlindDriver) and case.driver is Source.NAVIGATION else None
+    if blind is not None and needs_line(cell):
+        navigator = None
+    laws = stack_in(cell, case, blind=blind)
+    built = None if check(cell.law).endswith("+none") else laws.judge
     if cell.settings:
         car = settings_of(cell.law, cell.side, case.desired_m, cell.speed_mps, cell.settings).car
         case = replace(case, car=car)
     vehicle, lidar = put_on_top(cell.conditions, case.vehicle, case.lidar)
     lidar = lidar.model_copy(update={"own_parts": cell.own_parts})
-    return drive(replace(case, vehicle=vehicle, lidar=lidar), navigator or follower, guard or built)
+    return drive(replace(case, vehicle=vehicle, lidar=lidar), navigator or laws.follower, guard or built)

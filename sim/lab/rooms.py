@@ -13,12 +13,10 @@ from itertools import pairwise
 import numpy as np
 
 from wallride.runtime.control.guidance import Follower, Guard
-from wallride.runtime.control.laws import LawStack
 from wallride.runtime.control.vehicle import GRAVITY_MPS2
-from wallride.runtime.settings.tree import load_settings
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab import laws
-from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
 from wallride.sim.lab.courses.walls import world_of
 from wallride.sim.lab.figures import Row, by_law, chosen, common, distinct, mean, number, text, worst
 from wallride.sim.lab.safety import stopping_m
@@ -140,20 +138,10 @@ def cells(choice: CellChoice) -> list[Cell]:
     ]
 
 
-def build(cell: Cell) -> tuple[Follower, Guard]:
+def build(cell: Cell, case: Case) -> tuple[Follower, Guard]:
     """Return the car's laws, with or without recovery."""
-    follower, _, guard = laws.check(cell.law).partition("+")
-    wanted = [
-        f"wall_follow.method={follower}",
-        f"wall_follow.side={cell.side}",
-        f"wall_follow.desired_distance_m={DESIRED_M}",
-        f"wall_follow.speed_mps={cell.speed_mps}",
-        f"safety.method={guard}",
-    ]
-    if guard == "swept":
-        wanted.append(f"safety.backs_out={'false' if cell.scenario.endswith(WAITS) else 'true'}")
-    settings = load_settings(None, wanted, laws=True)
-    stack = LawStack(settings.wall_follow, settings.safety, settings.car)
+    backs_out = f"safety.backs_out={str(not cell.scenario.endswith(WAITS)).lower()}"
+    stack = laws.stack_in(cell, case, [backs_out] if cell.law.endswith("+swept") else [])
     return stack.follower, stack.judge
 
 
@@ -172,7 +160,7 @@ def run(cell: Cell) -> SimulatedRun:
             world_of("straight", cell.side), Pose(0.0, 0.0, 0.0), cell.speed_mps, side=cell.side, distance_m=12.0,
             duration_s=45.0, standing_s=GIVEN_UP_S, vehicle=vehicle, obstacles=(_walker(cell),), seed=cell.seed,
         )  # fmt: skip
-    return drive(case, *build(cell))
+    return drive(case, *build(cell, case))
 
 
 def _walker(cell: Cell) -> Obstacle:

@@ -1,7 +1,8 @@
-"""Boxes in a race: one that stands on the line, as in the entry test of races, or one that appears before the car.
+"""Boxes in a race: one that stands on the line or moves, as in races' entry test, or one that appears before the car.
 
 A box is 35 cm long and 32 cm wide. The standing one is on the line or 15 cm beside it, at a place that the seed
-chooses. The sudden one appears at the 28 distances and least speeds of `lab safety`, which the seed chooses, too. The
+chooses. The moving one is there when a car that meets none would be: on its way across the line, or ahead along it. The
+sudden one appears at the 28 distances and least speeds of `lab safety`, which the seed chooses, too. The
 car drives its first lap at the line's full speed. What a sudden box may be hit with is measured: in the same race, the
 car brakes in full from the first scan on that shows it.
 """
@@ -20,18 +21,22 @@ from wallride.sim.lab.figures import number
 from wallride.sim.lab.safety import DISTANCES_M
 from wallride.sim.races.mapped_lap import KeyframePoses
 from wallride.sim.virtual.closed_loop import STEP_S, Case, SimulatedRun
-from wallride.sim.world.obstacles import Box, Obstacle, StandingObstacle, sudden_box
+from wallride.sim.world.obstacles import Box, ConstantMotion, Obstacle, StandingObstacle, sudden_box
 from wallride.sim.world.pose import Pose
 
-STANDING, SUDDEN = "standing", "sudden"
+STANDING, MOVING, SUDDEN = "standing", "moving", "sudden"
 LENGTH_M, WIDTH_M = 0.35, 0.32
 STANDING_ASIDE_M, SUDDEN_ASIDE_M = (0.0, 0.15, -0.15), (0.0, 0.2, -0.2)
 FIRST_M, LAST_M = 12.0, 2.0
 """Way from the start, where the car has its speed (at most the first 0.4 of the lap), and before the lap's end."""
 FIRST_SHARE = 0.4
 LEAST_MPS, APPEARS_S = (1.0, 2.0, 3.0, 4.0), (3.0, 15.0)
-LASTS_S, STANDS_S, WAY_LAPS = 35.0, 2.0, 1.3
-"""Duration of a drive, the standstill that ends it, and its way."""
+LASTS_S, STANDS_S, WAY_LAPS = 60.0, 8.0, 1.3
+"""Duration of a drive, the standstill that ends it, and its way: time to back out and go round a box."""
+MOVES_MPS, ASIDE_M, AHEAD_M, AHEAD_S = (0.3, 1.0), 1.0, 2.5, 1.5
+"""Speeds of a moving box, its longest way to and from the line, its longest way ahead, begun before the car comes."""
+FROM_WALL_M, NEAR_M = 0.25, 0.3
+"""Distance of its middle from walls, where it begins and ends; and from where the car is nearest, where it comes."""
 FULL_SPEED: Final = "first_lap_share"
 """The setting of `line` that slows the first lap down."""
 FREE: Final = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "no guard")
@@ -56,11 +61,18 @@ class BrakingGuard:
             self.guard.learn()
 
 
-def with_box(case: Case, kind: str, line: CourseLine, poses: KeyframePoses) -> Case:
-    """Return a race with a box of its seed. poses: of the map's keyframes."""
+def with_box(case: Case, kind: str, line: CourseLine, poses: KeyframePoses, alone: SimulatedRun | None = None) -> Case:
+    """Return a race with a box of its seed. poses: of the map's keyframes. alone: the race without one, for MOVING."""
     random = np.random.default_rng(case.seed)
-    box = _standing(random, line, poses) if kind == STANDING else _sudden(random, case.seed)
-    return replace(case, obstacles=(box,), duration_s=LASTS_S, standing_s=STANDS_S, distance_m=WAY_LAPS * line.length_m)
+    box = _sudden(random, case.seed) if kind == SUDDEN else _standing(random, line, poses)
+    if alone is not None:
+        box = _moving(random, box, case, alone)
+    return replace(timed(case, line), obstacles=(box,))
+
+
+def timed(case: Case, line: CourseLine) -> Case:
+    """Return a race that ends as one with a box does."""
+    return replace(case, duration_s=LASTS_S, standing_s=STANDS_S, distance_m=WAY_LAPS * line.length_m)
 
 
 def _standing(random: np.random.Generator, line: CourseLine, poses: KeyframePoses) -> Obstacle:
@@ -71,6 +83,29 @@ def _standing(random: np.random.Generator, line: CourseLine, poses: KeyframePose
     in_world = KeyframePoses(poses.found, poses.true)
     x_m, y_m, turned_rad = in_world.of(np.array([[place_m.real, place_m.imag, yaw_rad]]))[0]
     return Obstacle(Box(LENGTH_M, WIDTH_M), StandingObstacle(Pose(float(x_m), float(y_m), float(turned_rad))))
+
+
+def _moving(random: np.random.Generator, box: Obstacle, case: Case, alone: SimulatedRun) -> Obstacle:
+    """Return a box that is where a standing one is when the car comes there: on its way across, or ahead, by seed."""
+    assert isinstance(box.appearance, StandingObstacle)  # noqa: S101 - `_standing` makes no other
+    there = box.appearance.pose
+    near_m = np.hypot(alone.pose[:, 0] - there.x_m, alone.pose[:, 1] - there.y_m)
+    comes_s = float(alone.time_s[np.flatnonzero(near_m <= near_m.min() + NEAR_M)[0]])
+    speed_mps = float(random.uniform(*MOVES_MPS))
+    ways_rad = there.yaw_rad + np.array([0.0, np.pi / 2, -np.pi / 2])
+    ahead_m, left_m, right_m = case.world.cast(there.x_m, there.y_m, ways_rad) - FROM_WALL_M
+    if case.seed % 2:
+        yaw_rad, before_m, after_m = there.yaw_rad, 0.0, min(AHEAD_M, ahead_m)
+        comes_s -= AHEAD_S
+    else:
+        yaw_rad = there.yaw_rad + (np.pi / 2 if right_m > left_m else -np.pi / 2)
+        before_m, after_m = (min(ASIDE_M, way_m) for way_m in (max(left_m, right_m), min(left_m, right_m)))
+    way = np.exp(1j * yaw_rad)
+    motion = ConstantMotion(
+        speed_mps * way.real, speed_mps * way.imag, comes_s - before_m / speed_mps, comes_s + after_m / speed_mps
+    )
+    begin = Pose(there.x_m - before_m * way.real, there.y_m - before_m * way.imag, there.yaw_rad)
+    return Obstacle(box.shape, StandingObstacle(begin), motion)
 
 
 def _sudden(random: np.random.Generator, seed: int) -> Obstacle:

@@ -21,7 +21,7 @@ from wallride.sim.car.wiring import WiringConversion, WiringErrors
 from wallride.sim.lab import laws
 from wallride.sim.lab.cell import Cell, Figures
 from wallride.sim.lab.figures import common, number
-from wallride.sim.races.boxes import FULL_SPEED, SUDDEN, BrakingGuard, box_figures, shown_at, with_box
+from wallride.sim.races.boxes import FULL_SPEED, MOVING, SUDDEN, BrakingGuard, box_figures, shown_at, timed, with_box
 from wallride.sim.races.mapped_lap import TRIM_RAD, WHEELS, KeyframePoses, map_file, poses_of_map
 from wallride.sim.racing.free_space import FreeSpace
 from wallride.sim.racing.line_file import text_of
@@ -115,7 +115,8 @@ def _drive(
     driven = replace(cell, settings=known)
     if not cell.box:
         return laws.drive_case(driven, case), {}
-    case = with_box(case, cell.box, line, poses)
+    alone = laws.drive_case(driven, timed(case, line)) if cell.box == MOVING else None
+    case = with_box(case, cell.box, line, poses, alone)
     run, braked = laws.drive_case(driven, case), None
     shown = shown_at(run)
     if cell.box == SUDDEN and shown is not None and run.contact is not None:

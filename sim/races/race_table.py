@@ -14,6 +14,7 @@ COLUMNS = (
 )  # fmt: skip
 BOX_COLUMNS = (
     "course", "law", "drives", "box there", "met at m/s", "touched", "harder than a full brake", "worst m/s above it",
+    "lap done",
 )  # fmt: skip
 HARDER_MPS = 0.15
 """Excess of the speed at a contact over that after a full brake from which it counts, as in `lab safety`."""
@@ -57,6 +58,7 @@ def _met(rows: Sequence[Row]) -> tuple[str, ...]:
         str(sum(row["collided"] for row in rows)),
         str(sum(row["excess_mps"] > HARDER_MPS for row in rows)),
         text(worst(rows, "excess_mps"), 2),
+        str(sum(row["laps_driven"] > 0 for row in rows)),
     )  # fmt: skip
 
 

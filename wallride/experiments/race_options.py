@@ -40,9 +40,9 @@ def add(experiments: Commands) -> None:
         help="folder for the maps of the laps, which are kept and taken again (default: none)",
     )  # fmt: skip
     races.add_argument(
-        "--box", choices=("standing", "sudden"), default="",
-        help="a box in the way of every race, on the line or beside it, or appearing 0.3 to 0.9 m before the car: is"
-        " it touched, and harder than after a full brake? (default: none)",
+        "--box", choices=("standing", "moving", "sudden"), default="",
+        help="a box in the way of every race: on the line or beside it; crossing it or going along it; or appearing"
+        " 0.3 to 0.9 m before the car: is it touched, and harder than after a full brake? (default: none)",
     )  # fmt: skip
     _add_conditions(races)
     add_reserve(races)

@@ -64,12 +64,16 @@ NO_ADVICE = RecoveryAdvice(None, "")
 
 
 class WayOutSearch:
-    """A search for a goal that is under way: one slice with each scan. way: its answer, None while not finished."""
+    """A search for a goal that is under way: one slice with each scan. way: its answer, None while not finished.
+
+    back_m: how far it may back, 0: not at all, not even where the car came from. backs: whether it may.
+    """
 
     def __init__(self, assessment: SweptAssessment, goal: Goal, refused: frozenset[Move], back_m: float) -> None:
         guard, self._behind = assessment.guard, assessment.strip.behind
         self._here = self._behind.seen_now(assessment.view)
         self._body, self.goal, self._refused = guard.body, goal, refused
+        self.backs = back_m > 0.0
         self._most_backed_m = min(back_m, guard.settings.reverse_unseen_m - STOPPING_M)
         self._slices = self._think()
         self.way: WayOut | None = None
@@ -92,7 +96,7 @@ class WayOutSearch:
         search = PoseSearch(
             (body.around, body.bare),
             (body.car.max_steering_rad, body.car.wheelbase_m),
-            (behind.backed_m, self._most_backed_m),
+            (behind.backed_m if self.backs else math.inf, self._most_backed_m),
             ((track_m - here.place_m) * turned, headings * turned),
             self.goal,
             self._refused,
@@ -178,7 +182,8 @@ class Recovery:
     ) -> RecoveryAdvice | None:
         """Stand, look for a way that turns the car, and begin it; None where there is none: some metres on it may be.
 
-        The driver would go on in the wrong direction: nothing is waited for but what may be behind.
+        The driver would go on in the wrong direction: nothing is waited for. While something may be behind, the way
+        leads forward alone; where there is none, it is looked for again.
         """
         if abs(motor.distance_m - self._turned_in_vain_m) < self._settings.forgotten_after_m:
             return None
@@ -186,14 +191,20 @@ class Recovery:
             self._turned_in_vain_m, self._thought, self._tries, self._refused = motor.distance_m, None, 0, frozenset()
             return None
         stop = RecoveryAdvice(Drive(0.0, wish.steering_rad), TURNS)
-        if abs(assessment.speed_mps) > STANDING_MPS or self._traffic.is_about:
+        now_s, backs = assessment.view.scan.stamp_s, not self._traffic.is_about
+        rests = not backs and now_s - self._thought_s < LOOKS_AGAIN_AFTER_S
+        if rests or abs(assessment.speed_mps) > STANDING_MPS:
             self._thought = None
             return stop
-        if self._thought is None or math.isnan(self._thought.goal.toward_rad):
+        thought = self._thought
+        if thought is None or math.isnan(thought.goal.toward_rad) or (thought.backs and not backs):
             goal = replace(self._goal(assessment), toward_rad=toward_rad)
-            self._thought = WayOutSearch(assessment, goal, self._refused, self._settings.back_m)
+            self._thought = WayOutSearch(assessment, goal, self._refused, self._settings.back_m if backs else 0.0)
         self._due = True
         if (way := self._thought.way) is None:
+            return stop
+        if not way.legs and not self._thought.backs:
+            self._thought, self._thought_s = None, now_s
             return stop
         if not way.legs:
             self._tries = self._settings.tries

@@ -14,7 +14,7 @@ from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab.cell import course_name
 from wallride.sim.lab.figures import common
 from wallride.sim.lab.safety import DISTANCES_M
-from wallride.sim.races.boxes import FREE, LEAST_MPS, STANDING, SUDDEN, BrakingGuard, box_figures, with_box
+from wallride.sim.races.boxes import FREE, LEAST_MPS, MOVING, STANDING, SUDDEN, BrakingGuard, box_figures, with_box
 from wallride.sim.races.mapped_lap import WHEELS, KeyframePoses
 from wallride.sim.races.race_cell import RaceCell, case_of, figures_of, lap_begins, not_raced
 from wallride.sim.races.race_table import COLUMNS, tables
@@ -157,6 +157,31 @@ def test_a_box_stands_on_the_line_or_beside_it_where_the_map_lies_in_the_world()
     assert len(asides) > 1
 
 
+def test_a_moving_box_crosses_the_line_or_goes_ahead_on_it_when_the_car_comes():
+    alone, ways = run_of(1.2), set()
+    for seed in range(12):
+        case = replace(case_of(cell(seed=seed), load_world("loop"), LINE), seed=seed)
+        ((box,), (there,)) = (
+            with_box(case, kind, LINE, SAME, alone if kind == MOVING else None).obstacles for kind in (MOVING, STANDING)
+        )
+        motion, began, place = box.motion, box.appearance.pose, there.appearance.pose
+        speed_mps = math.hypot(motion.x_mps, motion.y_mps)
+        assert 0.3 <= speed_mps <= 1.0
+        at = LINE.nearest(complex(place.x_m, place.y_m))
+        comes_s = at.along_m / LINE.length_m * LAP_SCANS * 0.1
+        moved_s = motion.moved_s(0.0, comes_s)
+        off_m = math.hypot(
+            began.x_m + motion.x_mps * moved_s - place.x_m, began.y_m + motion.y_mps * moved_s - place.y_m
+        )
+        turn_rad = math.remainder(math.atan2(motion.y_mps, motion.x_mps) - place.yaw_rad, math.tau)
+        ways.add(round(math.degrees(turn_rad)))
+        assert off_m <= (2.5 if seed % 2 else 0.4)
+        assert (began == place) == bool(seed % 2)
+        assert motion.until_s > comes_s - 1.5
+    assert ways <= {0, 90, -90}
+    assert len(ways) > 1
+
+
 def test_sudden_boxes_come_at_all_28_distances_and_speeds():
     case = case_of(cell(), load_world("loop"), LINE)
     boxes = [with_box(replace(case, seed=seed), SUDDEN, LINE, SAME).obstacles[0].appearance for seed in range(28)]
@@ -179,7 +204,7 @@ def test_the_table_of_boxes_counts_what_was_touched():
         figures = {"reason": "", **figures_of(box_run, LINE, SAME), **box_figures(box_run, None)}
         rows.append(cell(box=SUDDEN).named(common(box_run) | figures))
     (table,) = tables(rows)
-    assert table.rows == (("loop", "line+swept", "2", "2", "1.0", "1", "1", "3.00"),)
+    assert table.rows == (("loop", "line+swept", "2", "2", "1.0", "1", "1", "3.00", "2"),)
     assert table.title.startswith("mu 0.8: a sudden box in the way")
     assert table.notes[0].startswith("all by line+swept: drives 2, box there 2")
 

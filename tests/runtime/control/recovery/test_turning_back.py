@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from tests.runtime.control.recovery.stage import Stage
+from wallride.runtime.control.recovery.traffic import Traffic
 from wallride.runtime.control.recovery.way_out import NO_ADVICE, TURNS
 from wallride.sim.world.segments import SegmentGeometry, box
 
 LANE = SegmentGeometry(np.array([*box(0.0, 0.0, 20.0, 2.2, 0.0)]))
+HALL = SegmentGeometry(np.array([*box(0.0, 0.0, 20.0, 8.0, 0.0)]))
 NARROW = SegmentGeometry(np.array([*box(0.0, 0.0, 20.0, 1.0, 0.0)]))
 
 
@@ -44,3 +46,17 @@ def test_where_there_is_no_room_to_turn_it_goes_on_and_looks_again_after_some_me
 def test_a_car_that_may_not_back_out_does_not_turn():
     stage = Stage(LANE, tries=0)
     assert {stage.step(toward_rad=math.pi) for _ in range(40)} == {NO_ADVICE}
+
+
+@pytest.mark.parametrize(("walls", "turns"), [(HALL, True), (LANE, False)])
+def test_while_something_may_be_behind_it_turns_forward_alone_or_waits(monkeypatch, walls, turns):
+    monkeypatch.setattr(Traffic, "is_about", True)
+    stage = Stage(walls)
+    stage.go(1.0)
+    slowest_mps = 0.0
+    for _ in range(600):
+        stage.step(toward_rad=toward(stage, math.pi))
+        slowest_mps = min(slowest_mps, stage.speed_mps)
+    assert slowest_mps == 0.0
+    assert (abs(math.remainder(math.pi - stage.pose.yaw_rad, math.tau)) < 1.0) == turns
+    assert stage.said[0] == TURNS
