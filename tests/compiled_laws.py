@@ -16,8 +16,8 @@ def import_laws():
 
 def put_in_place(monkeypatch, answers):
     """Bind these functions, by name, wherever the Python ones are bound."""
-    for module in list(sys.modules.values()):
-        names = getattr(module, "__dict__", {})
+    for path, module in list(sys.modules.items()):
+        names = getattr(module, "__dict__", {}) if path.startswith(("wallride", "tests", "benchmarks")) else {}
         for name in answers.keys() & names.keys():
             if names[name] is FUNCTIONS[name].python:
                 monkeypatch.setattr(module, name, answers[name])

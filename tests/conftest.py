@@ -1,5 +1,6 @@
 """What every test has: own folders, laws in Python, a limit that holds; where it runs in real time, three reruns."""
 
+import gc
 import os
 import signal
 from pathlib import Path
@@ -51,6 +52,17 @@ WHOLE_DRIVES = (
 )  # fmt: skip
 """Among them, those that drive for long: in C, which tests/runtime/kernel holds to the same answers."""
 RERUNS = int(os.environ.get("WALLRIDE_RERUNS", "3"))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection(session):
+    """Look for no garbage among the tests and modules, which all stay: neither now nor in each later collection."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.freeze()
 
 
 def pytest_collection_modifyitems(items, config):

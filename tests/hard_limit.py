@@ -5,19 +5,42 @@ then holds up the end of the event loop for ever. pytest-xdist starts another pr
 """
 
 import faulthandler
+import math
 import os
 import threading
+from time import monotonic, sleep  # as they are now: tests put others in their place
 
 import pytest
 
 GRACE_S = float(os.environ.get("WALLRIDE_TEST_GRACE_S", "30"))
 """Time after the test's own limit in which it is to end by itself."""
-STDERR = pytest.StashKey[int]()
+LOOKS_EVERY_S = 0.5
+
+
+class Watch:
+    """One thread for all tests: a timer for each phase of each of thousands takes longer than most of them."""
+
+    def __init__(self, stderr):
+        self.name, self.ends_s = "", math.inf
+        self._stderr = stderr
+        threading.Thread(target=self._look, name="hard limit", daemon=True).start()
+
+    def _look(self):
+        while monotonic() < self.ends_s:
+            sleep(LOOKS_EVERY_S)
+        os.write(
+            self._stderr, f"\n{self.name} does not end, although its time limit is over; the tests end here.\n".encode()
+        )
+        faulthandler.dump_traceback(self._stderr)
+        os._exit(1)
+
+
+WATCH = pytest.StashKey[Watch]()
 
 
 def pytest_configure(config):
     """Keep the terminal's stderr: pytest captures the usual one."""
-    config.stash[STDERR] = os.dup(2)
+    config.stash[WATCH] = Watch(os.dup(2))
 
 
 @pytest.hookimpl(wrapper=True)
@@ -41,16 +64,9 @@ def pytest_runtest_teardown(item):
 def _limited(item):
     marker = item.get_closest_marker("timeout")
     limit_s = marker.args[0] if marker and marker.args else float(item.config.getini("timeout"))
-    timer = threading.Timer(limit_s + GRACE_S, _end, (item.nodeid, item.config.stash[STDERR]))
-    timer.daemon = True
-    timer.start()
+    watch = item.config.stash[WATCH]
+    watch.name, watch.ends_s = item.nodeid, monotonic() + limit_s + GRACE_S
     try:
         return (yield)
     finally:
-        timer.cancel()
-
-
-def _end(name, stderr):
-    os.write(stderr, f"\n{name} does not end, although its time limit is over; the tests end here.\n".encode())
-    faulthandler.dump_traceback(stderr)
-    os._exit(1)
+        watch.ends_s = math.inf

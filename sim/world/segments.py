@@ -156,7 +156,8 @@ def _segments_to_rectangle(x0: Floats, y0: Floats, x1: Floats, y1: Floats, footp
     share = np.minimum(np.maximum(((cx - x0) * ex + (cy - y0) * ey) / length2, 0.0), 1.0)
     corners = np.hypot(x0 + share * ex - cx, y0 + share * ey - cy)
     nearest: Floats = np.minimum(ends.min(axis=0), corners.min(axis=0))
-    nearest[_crosses(np.stack([x0, y0]), np.stack([ex, ey]), footprint)] = 0.0
+    if nearest.min() < footprint.reach_m:  # what crosses is nearer to a corner
+        nearest[_crosses(np.stack([x0, y0]), np.stack([ex, ey]), footprint)] = 0.0
     return nearest
 
 
