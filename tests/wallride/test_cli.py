@@ -28,10 +28,9 @@ def typed(capsys, monkeypatch):
 
     def run(*arguments):
         try:
-            code = main(arguments)
+            return main(arguments), *capsys.readouterr()
         except SystemExit as ended:  # of argparse
-            code = ended.code
-        return code, *capsys.readouterr()
+            return ended.code, *capsys.readouterr()
 
     return run
 
