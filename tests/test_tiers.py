@@ -1,11 +1,11 @@
 """What `make test` leaves out is there, and is not what stops the car."""
 
 import subprocess
-import sys
+from types import SimpleNamespace
 
 import pytest
 
-from tests.tiers import SLOW, TESTS, pytest_ignore_collect
+from tests.tiers import SLOW, TESTS, pytest_ignore_collect, slow
 
 ALWAYS = ("drivers", "runtime/arbitration", "runtime/control", "runtime/tasks", "runtime/teleop", "system/soak")
 
@@ -22,18 +22,17 @@ def test_what_stops_the_car_is_never_left_out(folder, pytestconfig, monkeypatch)
     assert [path for path in (TESTS / folder).rglob("*") if pytest_ignore_collect(path, pytestconfig)] == []
 
 
-def test_what_is_slow_in_a_file_is_left_out_by_quick_alone():
-    said = {
-        options: subprocess.run(
-            [sys.executable, "-m", "pytest", "-q", "--collect-only", "-p", "no:cacheprovider", *options,
-             "tests/system/test_race_line.py"],
-            cwd=TESTS.parent, capture_output=True, text=True, check=True,
-        ).stdout
-        for options in ((), ("--quick",))
-    }  # fmt: skip
-    assert "test_laps_are_driven_on_the_line" in said[()]
-    assert "test_laps_are_driven_on_the_line" not in said["--quick",]
-    assert "test_a_car_whose_lidar_is_covered_stands" in said["--quick",]
+@pytest.mark.parametrize("quick", [False, True])
+def test_what_is_slow_in_a_file_is_left_out_by_quick_alone(quick, pytestconfig, request):
+    hooks = pytestconfig.pluginmanager.get_plugin(str(TESTS / "conftest.py"))
+    usual, marked = (pytest.Function.from_parent(request.node.parent, name=name, callobj=lambda: None) for name in "ab")
+    marked.add_marker(slow(1)[0].marks[0])
+    items, left_out = [marked, usual], []
+    hook = SimpleNamespace(pytest_deselected=lambda *, items: left_out.extend(items))
+    config = SimpleNamespace(getoption={"--quick": quick}.get, hook=hook)
+    hooks.pytest_collection_modifyitems(items, config)
+    assert left_out == [marked] * quick
+    assert items == [marked] * (not quick) + [usual]
 
 
 def test_make_test_is_quick_and_make_test_all_is_not():

@@ -60,8 +60,9 @@ def pytest_ignore_collect(collection_path, config):
 
 
 def slow(*values):
-    """Return these values of a parameter with the mark of what --quick leaves out."""
-    return [pytest.param(value, marks=pytest.mark.slow) for value in values]
+    """Return these values of a parameter, tuples of several, with the mark of what --quick leaves out."""
+    rows = (value if isinstance(value, tuple) else (value,) for value in values)
+    return [pytest.param(*row, marks=pytest.mark.slow) for row in rows]
 
 
 def pytest_sessionstart(session):

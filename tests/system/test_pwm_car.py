@@ -9,7 +9,7 @@ from wallride.drivers.pca9685.settings import Pca9685Settings
 
 
 def test_it_follows_the_wall_at_one_metre_a_second_by_its_scans_alone():
-    seen = PwmDrive("loop").run(30.0)
+    seen = PwmDrive("loop").run(16.0)
     moving = seen[seen[:, 0] > 5.0]
     assert np.abs(moving[:, 2] - 1.0).mean() < 0.10
     assert moving[:, 1].mean() == pytest.approx(1.0, abs=0.05)
@@ -38,7 +38,7 @@ def test_between_bare_walls_it_is_slow_and_says_so():
 
 def test_the_last_pulse_brakes():
     drive = PwmDrive("loop")
-    drive.run(8.0)
+    drive.run(5.0)
     assert drive.esc.demand(0.0).kind in {"brake", "coast"}
     assert drive.esc.speed_mps is None
 

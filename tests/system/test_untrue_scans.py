@@ -96,24 +96,25 @@ def test_a_lidar_that_is_turned_in_the_drive_stops_the_car(kind, world):
     assert done.reasons[-1] in {BACKWARDS, WRONG_SCALE, TURNED, HELD_OR_TURNED}
 
 
-@pytest.mark.parametrize("method", ["swept", "report"])
+NAMED_OF = {
+    "noisy": {scene_agreement.STANDS},
+    "flickering": {scene_agreement.REPEATED, scene_agreement.STANDS},
+    "looped": {scene_agreement.REPEATED},
+}
+
+
 @pytest.mark.parametrize(
-    ("kind", "named"),
+    ("kind", "method"),
     [
-        ("noisy", {scene_agreement.STANDS}),
-        ("flickering", {scene_agreement.REPEATED, scene_agreement.STANDS}),
-        ("looped", {scene_agreement.REPEATED}),
-        ("far_ahead", {scene_agreement.VANISHED}),
-        ("far", {scene_agreement.VANISHED}),
-        ("nine", {scene_agreement.VANISHED}),
-        ("random", {scene_agreement.VANISHED}),
-        ("random_ahead", {scene_agreement.VANISHED}),
+        *((kind, "swept") for kind in (*NAMED_OF, "far_ahead", "far", "nine", "random", "random_ahead")),
+        *(("noisy", "report"), ("far_ahead", "report")),
+        *slow(*((kind, "report") for kind in ("flickering", "looped", "far", "nine", "random", "random_ahead"))),
     ],
 )
-def test_a_lidar_that_stops_telling_the_truth_is_named_and_the_car_stands_within_half_a_metre(kind, named, method):
+def test_a_lidar_that_stops_telling_the_truth_is_named_and_the_car_stands_within_half_a_metre(kind, method):
     done, way_m = tell(kind, "loop", f"safety.method={method}")
     assert done.contact is None
-    assert NAMED & set(done.reasons) == named
+    assert NAMED & set(done.reasons) == NAMED_OF.get(kind, {scene_agreement.VANISHED})
     assert way_m < STOPS_WITHIN_M
     assert abs(done.speed_mps[-1, 0]) < 0.05
 
@@ -142,8 +143,10 @@ class Blanked:
         self.laws.learn()
 
 
-@pytest.mark.parametrize("word", ["a1", "x2"])
-@pytest.mark.parametrize("within_rad", [math.pi / 4, math.tau])
+@pytest.mark.parametrize(
+    ("word", "within_rad"),
+    [("a1", math.pi / 4), ("x2", math.tau), *slow(("a1", math.tau), ("x2", math.pi / 4))],
+)
 def test_a_blank_of_a_lidar_with_fewer_beams_stops_the_car_too(word, within_rad):
     settings = load_settings(None, ["wall_follow.speed_mps=1.0"])
     laws = Blanked(LiveLaws(settings.wall_follow, settings.safety, settings.car), within_rad)
@@ -173,7 +176,9 @@ def drive_by(word, world, seed, duration_s=7.0, beams=ROUGH_BEAMS):
     return drive(case, laws, laws)
 
 
-@pytest.mark.parametrize(("word", "world"), [("a1", "loop"), ("x2", "dead_end"), ("x4", "cluttered"), ("c1", "loop")])
+@pytest.mark.parametrize(
+    ("word", "world"), [("a1", "loop"), ("x2", "dead_end"), *slow(("x4", "cluttered"), ("c1", "loop"))]
+)
 def test_a_slow_lidar_that_shows_its_last_turn_again_with_a_noise_of_its_own_stops_the_car(word, world, monkeypatch):
     monkeypatch.setattr(turning_sensor, "TurningHead", StoredTurns)
     done = drive_by(word, world, 3, beams=LidarSettings(noise_std_m=0.01))
@@ -204,7 +209,7 @@ def test_a_lidar_that_tells_the_truth_is_never_doubted(world, speed_mps):
     assert not NAMED & set(done.reasons)
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [1, *slow(3)])
 def test_a_slow_lidar_in_a_corridor_that_tells_the_truth_is_no_doubt_of_the_motor(seed):
     settings = load_settings(None, ["wall_follow.speed_mps=1.0"])
     laws = LiveLaws(settings.wall_follow, settings.safety, settings.car)
@@ -218,9 +223,18 @@ def test_what_bends_leave_in_the_scans_of_a_slow_lidar_is_no_doubt_of_the_motor(
     assert not {BACKWARDS, WRONG_SCALE, TURNED, HELD_OR_TURNED} & set(done.reasons)
 
 
-@pytest.mark.parametrize("world", ["dead_end", "curved", *slow("loop", "cluttered", "corridor", "doorway")])
-@pytest.mark.parametrize("yaw_deg", [90.0, -90.0, 60.0])
-@pytest.mark.parametrize("is_configured", [True, False])
+@pytest.mark.parametrize(
+    ("world", "yaw_deg", "is_configured"),
+    [
+        *(("dead_end", 90.0, True), ("dead_end", -90.0, False), ("dead_end", 60.0, True)),
+        *(("curved", 90.0, False), ("curved", -90.0, True), ("curved", 60.0, False)),
+        *slow(*(
+            (world, yaw_deg, is_configured)
+            for world in ("loop", "cluttered", "corridor", "doorway") for yaw_deg in (90.0, -90.0, 60.0)
+            for is_configured in (True, False)
+        )),
+    ],
+)  # fmt: skip
 def test_a_lidar_turned_on_the_car_or_in_the_settings_stops_it_for_good_before_a_contact(world, yaw_deg, is_configured):
     """The bare corridor tells it last: there the car steers in a circle, and walls of one direction are all it sees."""
     settings = load_settings(None, ["wall_follow.speed_mps=1.0"])

@@ -359,11 +359,11 @@ def refused_wish(chance):
 
 
 @pytest.mark.parametrize("what", ["list_all", "get_some", "set_some", "save", "configure", "past"])
-def test_twenty_thousand_malformed_questions_are_counted_and_refused(what):
+def test_thousands_of_malformed_questions_are_counted_and_refused(what):
     room = Room()
     ask = getattr(room.desk, what)
     longest_s = 0.0
-    for payload in itertools.islice(itertools.cycle(many_malformed()), 20_000):
+    for payload in itertools.islice(itertools.cycle(many_malformed()), 4_000):
         began_s = time.thread_time()
         try:
             answer = ask(payload)
@@ -374,7 +374,7 @@ def test_twenty_thousand_malformed_questions_are_counted_and_refused(what):
         else:
             raise AssertionError(payload)
         longest_s = max(longest_s, time.thread_time() - began_s)
-    assert room.desk.counts.malformed == 20_000
+    assert room.desk.counts.malformed == 4_000
     assert (room.applied, room.desk.counts.answered) == ([], 0)
     promise("the slowest request, processor time", longest_s, 0.05)
 

@@ -12,12 +12,12 @@ from wallride.sim.replay.moment import moment_at_scan, moment_at_time
 from wallride.sim.replay.reenact import duration_s, events_of
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def log(dead_end):
     return read_log(dead_end)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def slowed(log):
     """The scan before the first decision that slowed the car for a wall ahead, and that decision."""
     scan = -1

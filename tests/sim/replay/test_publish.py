@@ -138,7 +138,8 @@ def command_line(*arguments):
     return parsed, said
 
 
-async def test_no_command_takes_a_recording_for_a_car_that_drives(playing, tmp_path):
+async def test_no_command_takes_a_recording_for_a_car_that_drives(playing, tmp_path, monkeypatch):
+    monkeypatch.setattr(stop, "GIVE_UP_S", 0.8)
     script = tmp_path / "hands.csv"
     script.write_text("time_s,buttons,speed,steering\n0,manual,1,0\n")
     _, client = playing

@@ -42,9 +42,14 @@ def test_a_model_that_the_settings_name_is_the_one_that_is_emulated():
         assert lidar_kinds.word_of(YdlidarSettings.model_validate({"model": model})) == word
 
 
+@pytest.fixture(scope="module")
+def usual():
+    return drive_with("", "loop", 1.0)
+
+
 @pytest.mark.parametrize("word", SLOW)
-def test_each_follows_the_walls_of_the_loop(word):
-    run, usual = drive_with(word, "loop", 1.0), drive_with("", "loop", 1.0)
+def test_each_follows_the_walls_of_the_loop(word, usual):
+    run = drive_with(word, "loop", 1.0)
     assert run.contact is None
     assert run.distance_m > 0.9 * usual.distance_m
     assert mean_error_m(run) < 2.0 * mean_error_m(usual)

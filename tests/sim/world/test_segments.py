@@ -54,6 +54,8 @@ def test_each_beam_may_have_its_own_origin():
         ([0.42, 0.15, 2, 2], 0.0),  # touches the corner
         ([0.72, 0.55, 5, 5], 0.5),  # a 3-4-5 triangle from the corner
         ([-0.13 - 0.3, 0.15 + 0.4, -5, 5], 0.5),
+        ([-5, 0, 5, 0], 0.0),  # through the middle, both ways
+        ([0.145, -5, 0.145, 5], 0.0),
     ],
 )
 def test_clearance_of_the_outline_by_hand(segment, expected_m):

@@ -68,7 +68,7 @@ def runs_away(bench):
     ("plant", "words"),
     [
         (drives_at_neutral, r"moves at 1500 us, which is to be its neutral.*motor\.neutral_us"),
-        (drives_nothing, r"no pulse from 1400 to 1760 us moved the car.*is the ESC on"),
+        (drives_nothing, r"no pulse from 1400 to 1760 us moved the car.*is the ESC on.*the car on the floor"),
         (drives_alike, "us drive alike"),
         (drives_backward, "drove backward.*swap two cables"),
         (reverses_at_once, "backward by its brake pulse: set the ESC to forward, brake and reverse"),
@@ -102,29 +102,22 @@ class ReleasedAfter:
 
 
 @pytest.mark.parametrize("looks", [90, 250, 330, 420, 500, 900])
-@pytest.mark.parametrize("error", [None, KeyboardInterrupt(), SystemExit(129)])
-def test_whatever_ends_a_step_the_car_stands_in_neutral(looks, error, car_toml):
+def test_whatever_ends_a_step_the_car_stands_in_neutral(looks, car_toml):
     bench = VirtualBench(seed=4)
+    error = {250: KeyboardInterrupt(), 420: SystemExit(129), 500: KeyboardInterrupt()}.get(looks)
     with pytest.raises((LetGoError, KeyboardInterrupt, SystemExit)):
         calibrated(bench, car_toml, ["speed"], ReleasedAfter(looks, error))
     assert not bench.is_open
     assert stands_in_neutral(bench)
 
 
-@pytest.mark.parametrize("scans", [100, 500, 900])
+@pytest.mark.parametrize("scans", [100, 500])
 def test_a_lidar_that_is_lost_ends_the_step_in_neutral(scans, car_toml):
     bench = VirtualBench(seed=4)
     bench.lost_after = scans
     with pytest.raises(CalibrationError, match="no scan"):
         calibrated(bench, car_toml, ["speed"])
     assert stands_in_neutral(bench)
-
-
-def test_a_lifted_car_is_told_so(car_toml, monkeypatch):
-    bench = VirtualBench(seed=1)
-    monkeypatch.setattr(bench.plant, "advance", lambda _to_s: None)
-    with pytest.raises(CalibrationError, match="the car on the floor"):
-        calibrated(bench, car_toml, ["speed"])
 
 
 def test_steps_that_are_not_wanted_are_not_driven():

@@ -37,7 +37,7 @@ def test_a_car_that_goes_the_wrong_way_is_turned_without_a_touch(yaw_rad):
 def test_where_there_is_no_room_to_turn_it_goes_on_and_looks_again_after_some_metres():
     stage = Stage(NARROW)
     stage.go(1.0)
-    for _ in range(800):
+    for _ in range(340):
         stage.step(toward_rad=toward(stage, math.pi))
     assert stage.pose.x_m > 2.0
     assert stage.said == [TURNS]

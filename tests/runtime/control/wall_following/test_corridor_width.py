@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.tiers import slow
 from wallride.runtime.control.wall_following.corridor_width import ALONG_RAD, WIDENS_PER_M, Room
 from wallride.runtime.control.wall_following.wall_fit import WallLine
 from wallride.sim.car.vehicle import VehicleSettings
@@ -73,8 +74,7 @@ def test_the_width_beside_a_line_across_the_way_counts_for_one_scan_only():
     assert room.within_m(1.0) == 1.0
 
 
-@pytest.mark.parametrize("desired_m", [0.6, 1.0])
-@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize(("side", "desired_m"), [("left", 0.6), ("right", 1.0), *slow(("left", 1.0), ("right", 0.6))])
 def test_the_car_turns_into_a_corridor_as_narrow_as_its_own(desired_m, side):
     near, far = chain([(-5, 0.83), (6, 0.83), (6, 20)]), chain([(7.58, 20), (7.58, 0.83), (30, 0.83)])
     world = World("", SegmentGeometry(np.array([*near, *far, *chain([(-5, -0.83), (30, -0.83)])])), HERE)
