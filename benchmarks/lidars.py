@@ -1,10 +1,12 @@
-"""The car by each emulated lidar at 1 m/s. Run: python -m benchmarks.lidars [--lidars x2,a2] [--hazards] [--real].
+"""The car by each emulated lidar. Run: python -m benchmarks.lidars [--lidars x2,a2] [--allowed] [--hazards] [--real].
 
-Through the bytes of each, in virtual time: the mean error to the wall of the loop with a VESC and with a PCA9685, whose
+Through the bytes of each, in virtual time, at 1 m/s or with --allowed at what each lidar allows, 2 m/s at most: the
+mean error to the wall of the loop with a VESC, its ratio to the UST-10LX's at the same speed, and with a PCA9685, whose
 car has its speed from the scans; for how much of the way these do not tell it; contacts in the corners and the doorway.
---hazards: those of `wallride lab hazards` that are touched on both sides by a navigator who ignores them, two minutes
-for each lidar. --real: p50 from the last byte of a scan to the motor's command, and the processor time of the process
-for each scan, in real time. Exit code 1 after a contact.
+--hazards: those of `wallride lab hazards` that are touched on both sides by a navigator who ignores them, half a minute
+for each lidar and seed. --boxes: sudden boxes of `wallride lab safety` that are hit. Of both count those that a full
+brake from the first scan that shows them would not have touched. --real: p50 from the last byte of a scan to the
+motor's command, and the processor time of the process for each scan, in real time. Exit code 1 after a contact.
 """
 
 import argparse
@@ -18,14 +20,19 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from tests.system.pwm_drive import PwmDrive
+from wallride.drivers.api import MotorState, Scan
+from wallride.runtime.arbitration.command import NO_LIMIT_MPS, Verdict
+from wallride.runtime.control.guidance import Follower, Guidance
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.car.vehicle import Vehicle
 from wallride.sim.devices.lidar_kinds import HOKUYO, assignments, device_for
 from wallride.sim.lab.cell import Cell
+from wallride.sim.lab.courses.sudden import case_of, navigator_of, scenarios
 from wallride.sim.lab.hazards import HAZARDS, case_of_hazard
-from wallride.sim.lab.laws import build, drive_case
+from wallride.sim.lab.laws import build, stack_of
 from wallride.sim.live.record import Record
 from wallride.sim.live.scenes import WorldScene
 from wallride.sim.live.session import RuntimeStart, SimulatorSession
@@ -33,10 +40,15 @@ from wallride.sim.live.stop_request import StopRequest
 from wallride.sim.scenario.simulated_car import find_config
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
 from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.pose import Side
 from wallride.sim.world.worlds import load_world
 
 LIDARS: Final = (HOKUYO, "a1", "a2", "a3", "c1", "s1", "s2", "s3", "x2", "x4", "x4-pro", "g4", "g6", "tg")
 SPEED_MPS: Final = 1.0
+MOST_MPS: Final = 2.0
+STANDS_MPS: Final = 0.01
+GRIP_MU: Final = 0.8
+BOXES_AHEAD_M: Final = (0.6, 0.9, 1.2)
 BEAMS: Final = LidarSettings(noise_std_m=0.01, outlier_share=0.005)
 LOOP_S, SETTLED_S = 30.0, 5.0
 PLACES: Final = ("inside_corner", "outside_corner", "doorway")
@@ -47,15 +59,68 @@ SHORT_S, LONG_S = 6.0, 16.0
 
 @dataclass(frozen=True, slots=True)
 class LidarFigures:
-    """What came of a lidar in virtual time. errors_m: with a VESC, with a PCA9685. blind: share of the time.
+    """What came of a lidar in virtual time, at speed_mps. errors_m: with a VESC, with a PCA9685.
 
-    touched: places. hazards: None where they were not driven.
+    ratio: of the first to the UST-10LX's. blind: share of the time. touched: places. hazards, boxes: of how many drives
+    which touched something.
     """
 
+    speed_mps: float
     errors_m: tuple[float, float]
+    ratio: float
     blind: float
     touched: tuple[str, ...]
-    hazards: tuple[str, ...] | None
+    hazards: "Touches"
+    boxes: "Touches"
+
+
+@dataclass(frozen=True, slots=True)
+class Touches:
+    """Of `drives` those that touched something. 0: none was driven."""
+
+    drives: int = 0
+    names: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{len(self.names)} of {self.drives}" if self.drives else "-"
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is to be driven, with these seeds. allowed: at the speed that each lidar allows."""
+
+    seeds: tuple[int, ...] = (1,)
+    allowed: bool = False
+    hazards: bool = False
+    boxes: bool = False
+
+
+class Watched:
+    """A follower that keeps what it was shown."""
+
+    def __init__(self, follower: Follower) -> None:
+        self._follower = follower
+        self.ranges_m: list[npt.NDArray[np.float32]] = []
+
+    def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
+        """Answer a scan as the follower does."""
+        self.ranges_m.append(scan.ranges_m)
+        return self._follower.follow(scan, motor)
+
+
+class BrakeFrom:
+    """A guard that brakes in full from the n-th scan on."""
+
+    def __init__(self, scans: int) -> None:
+        self._left = scans
+
+    def look(self, scan: Scan, motor: MotorState | None) -> Verdict:  # noqa: ARG002 - it counts
+        """Return the same judgement for every drive."""
+        self._left -= 1
+        return Verdict(0.0 if self._left < 0 else NO_LIMIT_MPS, NO_LIMIT_MPS, "full brake")
+
+    def learn(self) -> None:
+        """Do nothing."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -63,65 +128,124 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--lidars", default=",".join(LIDARS))
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--seeds", default="1", help="with commas; the loop and the places have the first one")
+    parser.add_argument("--allowed", action="store_true", help=f"as fast as each allows, up to {MOST_MPS:g} m/s")
     parser.add_argument("--hazards", action="store_true")
+    parser.add_argument("--boxes", action="store_true")
     parser.add_argument("--real", action="store_true", help="also in real time: needs an idle computer")
     options = parser.parse_args(arguments)
     logging.disable(logging.CRITICAL)
+    wanted = Wanted(tuple(map(int, options.seeds.split(","))), options.allowed, options.hazards, options.boxes)
     words, failed = options.lidars.split(","), False
-    print("| lidar | VESC | PCA9685 | blind | corners, doorway | hazards | p50 | CPU |")
+    print("| lidar | m/s | VESC | of UST-10LX | PCA9685 | blind | corners, doorway | hazards | boxes | p50 | CPU |")
     with ProcessPoolExecutor(options.workers) as pool:
-        for word, one in zip(words, pool.map(driven, words, [options.hazards] * len(words)), strict=True):
+        for word, one in zip(words, pool.map(driven, words, [wanted] * len(words)), strict=True):
             print(_row(word, one, asyncio.run(timed(word)) if options.real else None), flush=True)
-            failed = failed or bool(one.touched or one.hazards)
+            failed = failed or bool(one.touched or one.hazards.names or one.boxes.names)
     return int(failed)
 
 
 def _row(word: str, one: LidarFigures, times_ms: tuple[float, float] | None) -> str:
-    """Return a line of the table, and one for each hazard that was touched."""
-    hazards = "-" if one.hazards is None else f"{len(one.hazards)} of {2 * len(HAZARDS)}"
+    """Return a line of the table, and one for each hazard or box that was touched."""
     times = "- | -" if times_ms is None else f"{times_ms[0]:.2f} ms | {times_ms[1]:.2f} ms"
     row = (
-        f"| {word} | {one.errors_m[0]:.3f} m | {one.errors_m[1]:.3f} m | {100 * one.blind:.0f} %"
-        f" | {', '.join(one.touched) or 'clear'} | {hazards} | {times} |"
+        f"| {word} | {one.speed_mps:.1f} | {one.errors_m[0]:.3f} m | {one.ratio:.2f} | {one.errors_m[1]:.3f} m"
+        f" | {100 * one.blind:.0f} % | {', '.join(one.touched) or 'clear'} | {one.hazards} | {one.boxes} | {times} |"
     )
-    return "\n".join([row, *(f"    touched: {name}" for name in one.hazards or ())])
+    return "\n".join([row, *(f"    touched: {name}" for name in one.hazards.names + one.boxes.names)])
 
 
-def driven(word: str, hazards: bool) -> LidarFigures:  # noqa: FBT001 - mapped over words
+def driven(word: str, wanted: Wanted) -> LidarFigures:
     """Return how the car drives by a lidar."""
-    turning = "" if word == HOKUYO else word
-    loop = _wall(turning, "loop", LOOP_S)
-    pwm = PwmDrive("loop", SPEED_MPS, word, BEAMS)
+    turning, seed = "" if word == HOKUYO else word, wanted.seeds[0]
+    speed_mps = min(allowed_mps(turning), MOST_MPS) if wanted.allowed else SPEED_MPS
+    loop, usual = (_wall(kind, "loop", speed_mps, LOOP_S, seed) for kind in (turning, ""))
+    pwm = PwmDrive("loop", speed_mps, word, BEAMS, seed)
     seen = pwm.run(LOOP_S)
     seen = seen[seen[:, 0] > SETTLED_S]
-    places = {place: _wall(turning, place, PLACE_S) for place in PLACES}
+    places = {place: _wall(turning, place, speed_mps, PLACE_S, seed) for place in PLACES}
     touched = [place for place, run in places.items() if run.contact is not None]
     touched += ["loop"] * (loop.contact is not None) + ["loop with a PCA9685"] * pwm.touched
-    errors_m = loop.error_m[loop.time_s > SETTLED_S]
+    hazards = [cell for name in HAZARDS for cell in _cells("hazards", name, speed_mps, wanted.seeds)]
+    boxes = [cell for name in _boxes() for cell in _cells("safety", name, speed_mps, wanted.seeds)]
     return LidarFigures(
-        (float(np.abs(errors_m[np.isfinite(errors_m)]).mean()), float(np.abs(seen[:, 2] - 1.0).mean())),
-        float(seen[:, 3].mean()), tuple(touched), tuple(_hazards(turning)) if hazards else None,
-    )  # fmt: skip
-
-
-def _wall(turning: str, world: str, duration_s: float) -> SimulatedRun:
-    follower, guard = build("ball", "left", 1.0, SPEED_MPS)
-    return drive(
-        Case(load_world(world, side="left"), turning=turning, lidar=BEAMS, duration_s=duration_s), follower, guard
+        speed_mps,
+        (_error_m(loop), float(np.abs(seen[:, 2] - 1.0).mean())),
+        _error_m(loop) / _error_m(usual),
+        float(seen[:, 3].mean()),
+        tuple(touched),
+        _touches(turning, hazards) if wanted.hazards else Touches(),
+        _touches(turning, boxes) if wanted.boxes else Touches(),
     )
 
 
-def _hazards(turning: str) -> list[str]:
-    """Return the hazards that were touched while the car moved."""
-    touched = []
-    for name in HAZARDS:
-        for side in ("left", "right"):
-            cell = Cell("hazards", name, "ball", SPEED_MPS, 0.8, side, 1)
-            case, blind = case_of_hazard(cell)
-            run = drive_case(cell, replace(case, turning=turning), blind)
-            if run.contact is not None and run.contact.speed_mps > 0.01:
-                touched.append(f"{name}, {side}, at {run.contact.speed_mps:.2f} m/s")
-    return touched
+def allowed_mps(turning: str) -> float:
+    """Return the speed that a lidar allows: the bound that the car's status names after a second."""
+    laws = stack_of("ball", "left", 1.0, SPEED_MPS)
+    drive(Case(load_world("corridor", side="left"), turning=turning, duration_s=1.0), laws.follower, laws.judge)
+    return laws.guard.reach.limit.forward_mps
+
+
+def _wall(turning: str, world: str, speed_mps: float, duration_s: float, seed: int) -> SimulatedRun:
+    follower, guard = build("ball", "left", 1.0, speed_mps)
+    place = load_world(world, side="left")
+    return drive(Case(place, turning=turning, lidar=BEAMS, duration_s=duration_s, seed=seed), follower, guard)
+
+
+def _error_m(run: SimulatedRun) -> float:
+    errors_m = run.error_m[run.time_s > SETTLED_S]
+    return float(np.abs(errors_m[np.isfinite(errors_m)]).mean())
+
+
+def _boxes() -> list[str]:
+    """Return the sudden boxes of `lab safety`: a blind driver's, and the car's own follower's."""
+    names = [f"{ahead_m:.1f} m" for ahead_m in BOXES_AHEAD_M]
+    return names + [name for name in scenarios(BOXES_AHEAD_M, quick=False) if name.startswith("follower")]
+
+
+def _cells(experiment: str, name: str, speed_mps: float, seeds: Sequence[int]) -> list[Cell]:
+    sides: tuple[Side, ...] = ("left", "right")
+    return [Cell(experiment, name, "ball", speed_mps, GRIP_MU, side, seed) for side in sides for seed in seeds]
+
+
+def _touches(turning: str, cells: Sequence[Cell]) -> Touches:
+    """Drive cells; return those that touched, while the car moved, what a full brake would not have touched."""
+    names = []
+    for cell in cells:
+        case, blind = case_of_hazard(cell) if cell.experiment == "hazards" else (case_of(cell), navigator_of(cell))
+        case = replace(case, turning=turning)
+        run, shown = _watched(cell, case, blind)
+        at_mps = _touch_mps(run)
+        if at_mps and not (case.obstacles and _touch_mps(_braked(cell, case, blind, shown))):
+            names.append(f"{cell.scenario}, {cell.side}, seed {cell.seed}, at {at_mps:.2f} m/s")
+    return Touches(len(cells), tuple(names))
+
+
+def _watched(cell: Cell, case: Case, navigator: Follower | None) -> tuple[SimulatedRun, list[npt.NDArray[np.float32]]]:
+    """Drive a case; return it, and the ranges that the car was shown."""
+    follower, guard = build(cell.law, cell.side, case.desired_m, cell.speed_mps)
+    watched = Watched(navigator or follower)
+    return drive(case, watched, guard), watched.ranges_m
+
+
+def _braked(
+    cell: Cell, case: Case, navigator: Follower | None, shown: Sequence[npt.NDArray[np.float32]]
+) -> SimulatedRun:
+    """Return the same drive that brakes in full from the first scan on that shows something of the obstacles.
+
+    shown: the scans of the drive. Without the obstacles it has the same noise, and the same scans up to that one.
+    """
+    _, empty = _watched(cell, replace(case, obstacles=()), navigator)
+    pairs = enumerate(zip(shown, empty, strict=False))
+    first = next((n for n, (one, other) in pairs if not np.array_equal(one, other, equal_nan=True)), len(shown))
+    follower, _ = build(cell.law, cell.side, case.desired_m, cell.speed_mps)
+    return drive(case, navigator or follower, BrakeFrom(first))
+
+
+def _touch_mps(run: SimulatedRun) -> float:
+    """Return the speed at which the car touched something, 0 where it did not or stood."""
+    speed_mps = run.contact.speed_mps if run.contact is not None else 0.0
+    return speed_mps if speed_mps > STANDS_MPS else 0.0
 
 
 async def timed(word: str) -> tuple[float, float]:

@@ -71,13 +71,14 @@ def test_missing_returns_are_driven_with(word):
     assert run.distance_m > 8.0
 
 
+@pytest.mark.parametrize("word", ["x4", "a1", "c1", "s2", "g4"])
 @pytest.mark.parametrize(("missing_share", "drives"), [(0.3, True), (1.0, False)])
-def test_in_a_hall_a_third_may_be_missing_and_a_covered_one_stops(missing_share, drives):
+def test_in_a_hall_a_third_may_be_missing_and_a_covered_one_stops(word, missing_share, drives):
     corners = np.array([[-10.0, -7.0], [10.0, -7.0], [10.0, 7.0], [-10.0, 7.0]])
     hall = World("", SegmentGeometry(np.hstack([corners, np.roll(corners, -1, axis=0)])), Pose(-8.0, 6.0, 0.0))
     follower, guard = build("ball", "left", 1.0, 1.0)
     lidar = LidarSettings(noise_std_m=0.01, outlier_share=0.005, dropout_share=missing_share)
-    run = drive(Case(hall, side="left", turning="x4", lidar=lidar, duration_s=20.0, seed=3), follower, guard)
+    run = drive(Case(hall, side="left", turning=word, lidar=lidar, duration_s=20.0, seed=3), follower, guard)
     assert run.contact is None
     if drives:
         assert run.distance_m > 15.0
