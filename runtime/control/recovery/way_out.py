@@ -199,19 +199,20 @@ class Recovery:
         thought = self._thought
         if thought is None or math.isnan(thought.goal.toward_rad) or (thought.backs and not backs):
             goal = replace(self._goal(assessment), toward_rad=toward_rad)
-            self._thought = WayOutSearch(assessment, goal, self._refused, self._settings.back_m if backs else 0.0)
+            thought = WayOutSearch(assessment, goal, self._refused, self._settings.back_m if backs else 0.0)
+            self._thought = thought
         self._due = True
-        if (way := self._thought.way) is None:
+        if (way := thought.way) is None:
             return stop
-        if not way.legs and not self._thought.backs:
-            self._thought, self._thought_s = None, now_s
-            return stop
-        if not way.legs:
-            self._tries = self._settings.tries
-            return self._turn(assessment, wish, motor, toward_rad)
-        self._ends_m.append(self._thought.end_in_odom_m(way))
         self._thought = None
-        return self._begin(way, assessment, motor)
+        if way.legs:
+            self._ends_m.append(thought.end_in_odom_m(way))
+            return self._begin(way, assessment, motor)
+        if not thought.backs:
+            self._thought_s = now_s
+            return stop
+        self._tries = self._settings.tries
+        return self._turn(assessment, wish, motor, toward_rad)
 
     def _stand(self, assessment: SweptAssessment, wish: Drive, motor: MotorState) -> RecoveryAdvice:
         """Wait, and search meanwhile."""
