@@ -20,7 +20,7 @@ from wallride.runtime.settings.tree import Settings, load_settings
 PLAIN = ["run", "check", "doctor", "vesc set", "calibrate", "monitor"]
 READING = [
     *PLAIN, "sim", "vesc restore copy.bin", "keys init", "keys add ann --role viewer", "keys list", "keys revoke ann",
-    "keys router yard", "line yard",
+    "keys router yard", "line yard", "param race lab.yaml",
 ]  # fmt: skip
 
 
