@@ -1,8 +1,7 @@
 """From a drive to the poses of its keyframes: laid over their neighbours, and over those of the lap's beginning.
 
-First the scale of the wheels and the trim of the steering are learnt: feature-poor corridors inherit the wheels' scale,
-so it is measured only where the scene determines all directions. Then two passes, each of which finds the car's errors
-with the poses; the second has its scans de-skewed by what the first has found.
+Two passes, each of which finds the car's errors with the poses; the second has its scans de-skewed by what the first
+has found, and closes the ring. Then a bundle adjustment of all scans makes the poses exact.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,21 +12,22 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from wallride.runtime.calibration.scan_motion import HUBER_M, Kind, lay_over, pair
+from wallride.sim.mapping.bundle import adjusted
 from wallride.sim.mapping.keyframes import Keyframe, keyframes
 from wallride.sim.mapping.lap_record import LapRecord
 from wallride.sim.mapping.odometry_path import LearntCar, LidarPath, odometry_path, of_the_axle
-from wallride.sim.mapping.pose_graph import ERRORS, Edge, Origin, between, optimized, placed
+from wallride.sim.mapping.pose_graph import ERRORS, Edge, Origin, PoseGraph, between, optimized, placed
 from wallride.sim.recordings import RecordingError
 from wallride.sim.world.pose import Floats
 
-BACK: Final = (1, 8, 12, 16)
-"""A keyframe is laid over these before it: on smooth curved walls 1 m came out 0.4 % too long, 4 m did not."""
+BACK: Final = (1, 8)
+"""A keyframe is laid over these before it."""
 NEARER: Final = (2, 3, 4)
 """Before it, where it fits none of those: in a narrow bend few of its points are seen from far."""
 POINT_STD_M: Final = 0.03
 """Standard deviation of a point's distance from a surface: neighbours share most of their error, hence so much."""
 MATCH_STD: Final = (0.02, 0.004, 0.003)
-"""Least standard deviations [m, m, rad] of a match of neighbours. Its error does not grow with the way between them."""
+"""Least standard deviations [m, m, rad] of a match, of neighbours and of the ends of a loop."""
 GUESS_WEIGHT: Final = 0.5
 FITS_M: Final = 0.1
 """Maximum distance of a point that fits from its surface."""
@@ -47,14 +47,7 @@ WINDOW_M, WINDOW_SHARE, MAX_WINDOW_M = 0.3, 0.012, 2.0
 SEARCH_STEP_M: Final = 0.3
 NEAR_M: Final = 2.0
 LOOPS_EACH: Final = 3
-PIECE: Final = 4
-"""Keyframes of a piece of the way by which the wheels are judged."""
-PIECE_M: Final = 0.5
-PIECES: Final = 5
-"""Least length and number of such pieces."""
-LEARN_SHARE: Final = 0.3
-LEARN_ROUNDS: Final = 4
-STRAIGHT_RAD: Final = 0.2
+STRAIGHT_RADPM: Final = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,10 +72,7 @@ class ClosedLap:
 def close_lap(record: LapRecord) -> ClosedLap:
     """Return the poses of a drive. RecordingError for a drive of fewer than three keyframes."""
     car, path = LearntCar(), odometry_path(record, LearntCar())
-    if len(record.reports):
-        car = learnt(record, _frames(record, path), path, car)
-        path = odometry_path(record, car)
-    frames, chain, poses = _chained(record, path, BACK[::2])
+    frames, chain, poses = _chained(record, path, BACK)
     poses, _, errors = optimized(poses, chain)
     if len(record.reports):
         car = _corrected(car, errors, record)
@@ -92,11 +82,16 @@ def close_lap(record: LapRecord) -> ClosedLap:
         path = path.turned(times_s, poses[:, 2] - path.at(times_s)[:, 2])
     frames, chain, poses = _chained(record, path, BACK)
     poses, _, _ = optimized(poses, chain)
-    loops: list[Edge] = []
-    for searching in (True, False):
-        loops = list(_loops(frames, poses, record.kind, searching=searching))
-        poses, chi2, errors = optimized(poses, [*chain, *loops])
-    return ClosedLap(frames, poses, [*chain, *loops], chi2, _corrected(car, errors, record))
+    poses, _, _ = optimized(poses, [*chain, *_loops(frames, poses, record.kind, searching=True)])
+    times_s = np.array([frame.time_s for frame in frames])
+    odometry = [edge for edge in chain if edge.origin is Origin.ODOMETRY]
+    poses, errors = adjusted(record, path, times_s, poses, odometry)
+    edges = [*chain, *_loops(frames, poses, record.kind, searching=False)]
+    chi2 = PoseGraph(edges).errors(poses, errors)[1]
+    car = _corrected(car, errors, record)
+    if len(record.reports) and len(record.gyro) < 2:
+        car = replace(car, trim_rad=_trim_rad(record, times_s, poses))
+    return ClosedLap(frames, poses, edges, chi2, car)
 
 
 def laid_over(
@@ -125,44 +120,8 @@ def laid_over(
         strong[:2, :2] = np.outer(axes[:, 1], axes[:, 1])
         shift, information = guess + strong @ (shift - guess), strong @ information @ strong
     information = information / POINT_STD_M**2
-    if not loop:
-        information = np.linalg.solve(np.eye(3) + information * np.square(MATCH_STD), information).astype(np.float64)
+    information = np.linalg.solve(np.eye(3) + information * np.square(MATCH_STD), information).astype(np.float64)
     return Edge(before, after, shift, information, origin, full, determined, count / seen, residual_m)
-
-
-def learnt(record: LapRecord, frames: Sequence[Keyframe], path: LidarPath, car: LearntCar) -> LearntCar:
-    """Return the car's errors, by pieces of its way of which the scans determine all directions.
-
-    car: the errors that are in the path already. The result of a match is pulled toward the guess by up to a third, so
-    the guess is improved LEARN_ROUNDS times.
-    """
-    times_s = np.array([frame.time_s for frame in frames])
-    ratio, bend_radpm = 1.0, 0.0
-    for _ in range(LEARN_ROUNDS):
-        pieces = list(_pieces(frames, path.scaled(ratio).at(times_s), record.kind))
-        sure = [piece for piece in pieces if piece[0] > LEARN_SHARE]
-        used = np.array(sure if len(sure) >= PIECES else pieces).reshape(-1, 3)
-        if len(used) < PIECES:
-            return car
-        ratio *= float(np.median(used[:, 1]))
-        bend_radpm = float(np.median(used[:, 2]))
-    if len(record.gyro) >= 2:
-        return replace(car, scale=car.scale * ratio)
-    trim_rad = float(np.arctan(record.wheelbase_m * bend_radpm))
-    return replace(car, scale=car.scale * ratio, trim_rad=car.trim_rad + trim_rad)
-
-
-def _pieces(frames: Sequence[Keyframe], told: Floats, kind: Kind) -> Iterator[tuple[float, float, float]]:
-    """Yield how well a straight piece is determined, its way over that told, and the turn that was not told [rad/m]."""
-    for after in range(PIECE, len(frames), 2):
-        guess = between(told[after - PIECE], told[after])
-        told_m = float(np.hypot(guess[0], guess[1]))
-        if told_m < PIECE_M or abs(guess[2]) > STRAIGHT_RAD:
-            continue
-        edge = laid_over(frames, after - PIECE, after, guess, kind, Origin.NEIGHBOUR)
-        if edge is not None and edge.full:
-            way_m = float(np.hypot(edge.shift[0], edge.shift[1]))
-            yield edge.determined, way_m / told_m, float(edge.shift[2] - guess[2]) / way_m
 
 
 def _frames(record: LapRecord, path: LidarPath) -> list[Keyframe]:
@@ -232,6 +191,16 @@ def _corrected(car: LearntCar, errors: Floats, record: LapRecord) -> LearntCar:
         car.scale * (1.0 + scale), car.trim_rad + trim_rad, max(0.0, car.slip_s2pm + slip_s2pm),
         car.gyro_scale * (1.0 + gyro_scale), car.bias_radps - bias_radps,
     )  # fmt: skip
+
+
+def _trim_rad(record: LapRecord, times_s: Floats, poses: Floats) -> float:
+    """Return the true steering less the reported one, by the steps of the map (n, 3) on which the car hardly turned."""
+    told_rad = np.diff(odometry_path(record, LearntCar()).at(times_s)[:, 2])
+    way_m, turn_rad = np.hypot(*np.diff(poses[:, :2], axis=0).T), np.diff(np.unwrap(poses[:, 2]))
+    straight = np.abs(turn_rad) < STRAIGHT_RADPM * way_m
+    if not straight.any():
+        return 0.0
+    return float(np.arctan(record.wheelbase_m * np.median((turn_rad - told_rad)[straight] / way_m[straight])))
 
 
 def _loops(frames: Sequence[Keyframe], poses: Floats, kind: Kind, *, searching: bool) -> Iterator[Edge]:

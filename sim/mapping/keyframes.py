@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from wallride.runtime.calibration.scan_motion import Kind, ReferenceScan
 from wallride.runtime.calibration.stop_match import surfaces
@@ -58,10 +59,7 @@ def keyframes(record: LapRecord, path: LidarPath) -> list[Keyframe]:
             continue
         last = pose
         time_s = float(record.scan_s[number])
-        ranges_m = record.ranges_m[number].astype(np.float64)
-        ranges_m[~((ranges_m > MIN_RANGE_M) & (ranges_m < MAX_RANGE_M))] = np.nan
-        ranges_m[~_trusted(ranges_m)] = np.nan
-        points_m = in_one_moment(ahead * ranges_m, pose, path.at(time_s - age_s))
+        points_m = in_one_moment(ahead * trusted_ranges_m(record.ranges_m[number]), pose, path.at(time_s - age_s))
         found.append(_keyframe(time_s, pose, _by_bearing(points_m, record.kind), record.kind))
     return found
 
@@ -74,6 +72,14 @@ def in_one_moment(points_m: Floats, pose: Floats, beam_poses: Floats) -> Floats:
     x_m = np.cos(turn_rad) * points_m[0] - np.sin(turn_rad) * points_m[1] + cos * dx + sin * dy
     y_m = np.sin(turn_rad) * points_m[0] + np.cos(turn_rad) * points_m[1] + cos * dy - sin * dx
     return np.stack([x_m, y_m])
+
+
+def trusted_ranges_m(told_m: npt.NDArray[np.float32]) -> Floats:
+    """Return the ranges of a scan, (beams,), NaN where a beam has none or does not agree with its neighbours."""
+    ranges_m = told_m.astype(np.float64)
+    ranges_m[~((ranges_m > MIN_RANGE_M) & (ranges_m < MAX_RANGE_M))] = np.nan
+    ranges_m[~_trusted(ranges_m)] = np.nan
+    return ranges_m
 
 
 def _keyframe(time_s: float, pose: Floats, points_m: Floats, kind: Kind) -> Keyframe:

@@ -46,16 +46,18 @@ class LidarPath:
         """Return the poses at times (n,), (n, 3)."""
         return np.column_stack([np.interp(time_s, self.time_s, part) for part in self.poses.T])
 
-    def scaled(self, by: float) -> "LidarPath":
-        """Return the same headings with another length of all steps."""
-        return LidarPath(self.time_s, self.poses * np.array([by, by, 1.0]))
-
     def turned(self, time_s: Floats, by_rad: Floats) -> "LidarPath":
         """Return the same steps with their headings turned by angles that are known at some times."""
         turn_rad = np.interp(self.time_s, time_s, np.unwrap(by_rad))
         steps = np.diff(self.poses[:, :2], axis=0) @ np.array([1.0, 1j])
         places = np.cumsum(np.append(self.poses[0, :2] @ np.array([1.0, 1j]), steps * np.exp(1j * _middles(turn_rad))))
         return LidarPath(self.time_s, np.column_stack([places.real, places.imag, self.poses[:, 2] + turn_rad]))
+
+    def through(self, time_s: Floats, poses: Floats) -> "LidarPath":
+        """Return the path that goes through poses (n, 3) at times (n,), and by its own steps between them."""
+        turned = self.turned(time_s, poses[:, 2] - self.at(time_s)[:, 2])
+        off = np.column_stack([poses[:, :2] - turned.at(time_s)[:, :2], np.zeros(len(poses))])
+        return LidarPath(self.time_s, turned.poses + LidarPath(time_s, off).at(self.time_s))
 
 
 def odometry_path(record: LapRecord, car: LearntCar) -> LidarPath:

@@ -77,13 +77,13 @@ def optimized(poses: Floats, edges: Sequence[Edge]) -> tuple[Floats, Floats, Flo
     The errors of a car are unknown with the poses, and not learnt from those found with wrong ones: these would be
     pulled toward them.
     """
-    graph = _Graph(edges)
+    graph = PoseGraph(edges)
     poses, car = poses.copy(), np.zeros(ERRORS)
     doubted = FIRST_DOUBTED_CHI2
     for _ in range(ROUNDS):
         errors, chi2 = graph.errors(poses, car)
         trust = np.where(graph.matched, (doubted / (doubted + chi2)) ** 2, 1.0)
-        step, learnt = graph.step(poses, car, errors, trust)
+        step, learnt = solved(*graph.equations(poses, car, errors, trust))
         poses, car = poses + step, car + learnt
         if doubted == DOUBTED_CHI2 and np.abs(step).max() < ENOUGH_M:
             break
@@ -91,8 +91,8 @@ def optimized(poses: Floats, edges: Sequence[Edge]) -> tuple[Floats, Floats, Flo
     return poses, graph.errors(poses, car)[1], car
 
 
-class _Graph:
-    """The edges as arrays, each (edges, ...)."""
+class PoseGraph:
+    """Edges as arrays, each (edges, ...), and the normal equations of poses by them."""
 
     def __init__(self, edges: Sequence[Edge]) -> None:
         self._before, self._after = np.array([(edge.before, edge.after) for edge in edges]).T
@@ -107,8 +107,8 @@ class _Graph:
         errors[:, 2] = np.angle(np.exp(1j * errors[:, 2]))
         return errors, np.einsum("ei,eij,ej->e", errors, self._information, errors)
 
-    def step(self, poses: Floats, car: Floats, errors: Floats, trust: Floats) -> tuple[Floats, Floats]:
-        """Return the change of the poses, (n, 3), and of the car's errors in one Gauss-Newton step."""
+    def equations(self, poses: Floats, car: Floats, errors: Floats, trust: Floats) -> tuple[sparse.csc_matrix, Floats]:
+        """Return the normal equations of a Gauss-Newton step: matrix and gradient, of the poses, then of the car."""
         before, after = self._before, self._after
         count, cos, sin = len(before), np.cos(poses[before, 2]), np.sin(poses[before, 2])
         there = between(poses[before], poses[after])
@@ -126,9 +126,13 @@ class _Graph:
         rows, columns = np.repeat(index, index.shape[1], axis=1).ravel(), np.tile(index, (1, index.shape[1])).ravel()
         known = sparse.diags(np.concatenate([np.zeros(first), np.array(ERROR_STD) ** -2]))
         matrix = sparse.csc_matrix((blocks.ravel(), (rows, columns)), shape=(size, size)) + known
-        pull = np.bincount(index.ravel(), pulls.ravel(), size) + known @ np.concatenate([np.zeros(first), car])
-        # In a quarter of the time of the general order, which the dense columns of the car's errors disturb.
-        symmetric = {"SymmetricMode": True}
-        factors = splu(sparse.csc_matrix(matrix[3:, 3:]), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
-        moved = factors.solve(-pull[3:])
-        return np.concatenate([np.zeros(3), moved[:-ERRORS]]).reshape(-1, 3), moved[-ERRORS:]
+        return matrix, np.bincount(index.ravel(), pulls.ravel(), size) + known @ np.concatenate([np.zeros(first), car])
+
+
+def solved(matrix: sparse.csc_matrix, gradient: Floats) -> tuple[Floats, Floats]:
+    """Return the change of the poses, (n, 3), the first kept, and of the car's errors, (ERRORS,)."""
+    # In a quarter of the time of the general order, which the dense columns of the car's errors disturb.
+    symmetric = {"SymmetricMode": True}
+    factors = splu(sparse.csc_matrix(matrix[3:, 3:]), "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
+    moved = factors.solve(-gradient[3:])
+    return np.concatenate([np.zeros(3), moved[:-ERRORS]]).reshape(-1, 3), moved[-ERRORS:]

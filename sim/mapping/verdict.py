@@ -17,8 +17,9 @@ MOVED_M: Final = 0.15
 RESIDUAL_M: Final = 0.03
 INLIERS: Final = 0.6
 FULL_LOOPS: Final = 3
-CONTRADICTION: Final = 2.0
-"""Mean chi2 of the edges of the loop: 0.1 to 1 on good maps, 2.5 and more where equal pillars were mixed up."""
+UNMATCHED_SHARE: Final = 0.02
+CONTRADICTION: Final = 4.0
+"""Mean chi2 of the edges of the loop at the map's poses: 0.1 to 1.7 on good maps, 180 with scans of another place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +79,7 @@ def judge_map(record: LapRecord, lap: ClosedLap, *, is_open: bool = False) -> Ma
 def _reasons(verdict: MapVerdict, gap_at_s: float, end: str, *, is_open: bool) -> Iterator[str]:
     if verdict.gap_s > GAP_S:
         yield f"scans are missing for {verdict.gap_s:.1f} s at {gap_at_s:.1f} s while the car moved"
-    if verdict.unmatched > max(1, 0.01 * verdict.keyframes):
+    if verdict.unmatched > max(1, UNMATCHED_SHARE * verdict.keyframes):
         yield f"{verdict.unmatched} of {verdict.keyframes} places fit none before them"
     if not verdict.residual_m <= RESIDUAL_M:
         yield f"the scans lie {1000 * verdict.residual_m:.0f} mm beside each other (rms; at most {1000 * RESIDUAL_M:g})"
