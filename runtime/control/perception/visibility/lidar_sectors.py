@@ -126,7 +126,7 @@ def watch_sectors(
     first, beams, first_rad, width_rad = sectors.first, sectors.beams, sectors.first_rad, sectors.width_rad
     ranges_m, x_m, y_m = view.ranges_m, view.x_m, view.y_m
     count, part = state.size, slice(first, first + state.size * beams)
-    links = _linked(view, part).reshape(count, beams)
+    links = linked(view, part).reshape(count, beams)
     seeing = np.count_nonzero(links, axis=1)
     off_middle = np.abs(np.arange(beams) * 2 - (beams - 1))
     pick = np.where(links, off_middle, 2 * beams).argmin(axis=1) + np.arange(count) * beams + first
@@ -151,8 +151,8 @@ def watch_sectors(
     return new_state, seen, new_held, row_on_lidar(near, view.own), int(suspects), int(gone)
 
 
-def _linked(view: View, part: slice) -> Booleans:
-    """Return which beams of a part, (k,), return what a neighbour returns too, neither own part nor dirt."""
+def linked(view: View, part: slice) -> Booleans:
+    """Return which beams of a part, (k,), return what a neighbour returns too: no own parts, no dirt."""
     range_m, echo = view.ranges_m[part], ~(view.no_echo[part] | view.own[part])
     if view.dirty is not None:
         echo &= ~(view.dirty[part] & (range_m < LEARNT_DIRT_NEARER_THAN_M))

@@ -14,8 +14,8 @@ import numpy as np
 from wallride.drivers.value import value
 from wallride.runtime.control.perception.geometry import Booleans, Floats, Places
 from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.view import LEARNT_DIRT_NEARER_THAN_M, View
-from wallride.runtime.control.perception.visibility.lidar_sectors import SAME_THING_M, SAME_THING_SHARE, Sectors
+from wallride.runtime.control.perception.view import View
+from wallride.runtime.control.perception.visibility.lidar_sectors import Sectors, linked
 
 STAYS_FOR_M = 0.25
 STAYS_FOR_BEAMS = 3.0
@@ -51,25 +51,11 @@ class Border:
 def find_border(view: View, sectors: Sectors, first: int, last: int, step: int) -> Border | None:
     """Return the border within sectors first to last: the first of them (step 1), or the last (step -1), is silent."""
     part = slice(sectors.first + first * sectors.beams, sectors.first + (last + 1) * sectors.beams)
-    range_m = view.ranges_m[part]
-    echo = ~(view.no_echo[part] | view.own[part])
-    if view.dirty is not None:
-        echo &= ~(view.dirty[part] & (range_m < LEARNT_DIRT_NEARER_THAN_M))
-    found = np.flatnonzero(_linked(range_m, echo))
+    found = np.flatnonzero(linked(view, part))
     if not found.size:
         return None
     beam = part.start + int(found[0 if step > 0 else -1])
     return Border(step, float(view.bearing_rad[beam]), float(view.ranges_m[beam]))
-
-
-def _linked(range_m: Floats, echo: Booleans) -> Booleans:
-    """Return which beams (n,) agree with one of their neighbours."""
-    agree = echo[1:] & echo[:-1]
-    agree &= np.abs(range_m[1:] - range_m[:-1]) <= SAME_THING_M + SAME_THING_SHARE * range_m[:-1]
-    linked = np.zeros(range_m.size, np.bool_)
-    linked[1:] |= agree
-    linked[:-1] |= agree
-    return linked
 
 
 class _BorderTrack:
