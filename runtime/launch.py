@@ -34,7 +34,7 @@ from wallride.runtime.host.logging_setup import journal
 from wallride.runtime.host.scheduling import ask_for_precedence, keep_for_this_thread
 from wallride.runtime.host.stop_signals import STOP_SIGNALS, STOP_SIGNALS_HELD
 from wallride.runtime.host.user_module import is_of_the_process, shown, told
-from wallride.runtime.lidars import lidar_for, motion_of, motor_for
+from wallride.runtime.lidars import TurnMotion, lidar_for, motor_for
 from wallride.runtime.line_files import read_course
 from wallride.runtime.map_files import MapError
 from wallride.runtime.own_drivers.driver_class import loaded_driver_files
@@ -324,7 +324,7 @@ def _course(settings: Settings) -> RaceCourse | None:
 
 def _devices(settings: Settings, clock: Clock, scan_phase: ScanPhase) -> Devices:
     motor = motor_for(settings.motor, clock=clock, clear_s=scan_phase.clear_s, replied=scan_phase.replied)
-    motion = motion_of(settings.car, lambda: motor.state)
+    motion = TurnMotion(settings.car, lambda: motor.state)
     return motor, lidar_for(settings.lidar, clock=clock, clear_s=scan_phase.clear_s, motion=motion)
 
 

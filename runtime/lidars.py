@@ -19,6 +19,7 @@ from wallride.drivers.turning.grid import STILL, AskMotion, Motion, standing
 from wallride.drivers.vesc.driver import Vesc
 from wallride.drivers.ydlidar.driver import Ydlidar
 from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.wall_following.prediction import slew_towards
 from wallride.runtime.own_drivers.driver_class import load_driver
 from wallride.runtime.own_drivers.lidar import OwnLidar
 from wallride.runtime.own_drivers.motor import OwnMotor
@@ -77,15 +78,36 @@ def own_driver_mistakes(lidar: AnyLidarSettings, motor: AnyMotorSettings, clock:
     return [run.fault for run in runs if not run.make()]
 
 
-def motion_of(car: CarSettings, motor: Callable[[], MotorState | None]) -> AskMotion:
-    """Return what tells the lidar's motion by the wheels: speed, and the turn that their angle makes of it."""
+class TurnMotion:
+    """Tells the lidar's motion during a turn by the wheels: speed, and what the slewing servo made of the commands.
 
-    def motion() -> Motion:
-        state = motor()
+    Asked once a turn. The commanded angle alone takes turns out of a scan that the car has not made yet: at 2 m/s and
+    10 Hz it swings by that.
+    """
+
+    def __init__(self, car: CarSettings, motor: Callable[[], MotorState | None]) -> None:
+        self._car = car
+        self._motor = motor
+        self._stamp_s = math.nan
+        self._servo_rad = 0.0
+
+    def __call__(self) -> Motion:
+        """Return the mean motion since the last call."""
+        state, car = self._motor(), self._car
         if state is None or not math.isfinite(state.speed_mps + state.steering_rad):
+            self._stamp_s = math.nan
             return STILL
-        steering_rad = min(max(state.steering_rad, -car.max_steering_rad), car.max_steering_rad)
-        yaw_rate_radps = state.speed_mps * math.tan(steering_rad) / car.wheelbase_m
+        since_s, self._stamp_s = state.stamp_s - self._stamp_s, state.stamp_s
+        wanted_rad = min(max(state.steering_rad, -car.max_steering_rad), car.max_steering_rad)
+        yaw_rate_radps = state.speed_mps * math.tan(self._slew(wanted_rad, since_s)) / car.wheelbase_m
         return Motion(state.speed_mps - yaw_rate_radps * car.lidar_y_m, yaw_rate_radps * car.lidar_x_m, yaw_rate_radps)
 
-    return motion
+    def _slew(self, wanted_rad: float, since_s: float) -> float:
+        """Turn the servo for a time, as fast as it can; return the middle between its angles before and after.
+
+        The command of the scan before reaches the wheels in the middle of the turn: later than at its start by the
+        delays of wire and servo, and then slewing.
+        """
+        before_rad, most_rad = self._servo_rad, self._car.steering_rate_radps * since_s
+        self._servo_rad = slew_towards(before_rad, wanted_rad, most_rad) if since_s > 0.0 else wanted_rad  # NaN is not
+        return (before_rad + self._servo_rad) / 2.0 if since_s > 0.0 else wanted_rad

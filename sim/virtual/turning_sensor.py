@@ -13,7 +13,7 @@ from wallride.drivers.turning.stream import StreamFacts, Turning, TurnStream
 from wallride.drivers.ydlidar.codec import PacketDecoder
 from wallride.drivers.ydlidar.models import MODELS
 from wallride.runtime.control.vehicle import CarSettings
-from wallride.runtime.lidars import motion_of
+from wallride.runtime.lidars import TurnMotion
 from wallride.sim.devices.lidar_kinds import emulated
 from wallride.sim.devices.rplidar import PLAIN, RplidarDevice
 from wallride.sim.devices.turning import Rays, TurningDevice, TurningHead
@@ -47,7 +47,7 @@ class TurningSensor:
         decoder, range_max_m = _started(device, self.health)
         self.head = TurningHead(device)
         facts = StreamFacts(decoder, device.sample_s, RANGE_MIN_M, min(range_max_m, lidar.range_max_m), word)
-        turning = Turning(Mount(), 0.1, 0.0, motion_of(car, motor))
+        turning = Turning(Mount(), 0.1, 0.0, TurnMotion(car, motor))
         self._stream = TurnStream(facts, turning, self.health, self._number, self._scans.append)
 
     def measure(self, now_s: float, surroundings: Surroundings, pose: Pose) -> list[Scan]:

@@ -177,7 +177,7 @@ def drive_by(word, world, seed, duration_s=7.0, beams=ROUGH_BEAMS):
 
 
 @pytest.mark.parametrize(
-    ("word", "world"), [("a1", "loop"), ("x2", "dead_end"), *slow(("x4", "cluttered"), ("c1", "loop"))]
+    ("word", "world"), [("a1", "loop"), ("x2", "u_turn"), *slow(("x4", "cluttered"), ("c1", "loop"))]
 )
 def test_a_slow_lidar_that_shows_its_last_turn_again_with_a_noise_of_its_own_stops_the_car(word, world, monkeypatch):
     monkeypatch.setattr(turning_sensor, "TurningHead", StoredTurns)

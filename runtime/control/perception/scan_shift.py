@@ -66,7 +66,9 @@ def votes(
     points, beam = seen
     places_m, _ = places_anew(points[0] + 1j * points[1], beam, after.ranges_m.size, done, wanted)
     still_m = _off_m(before, places_m.real, places_m.imag)
-    moving_m = _off_m(before, *_shifted(points, moved, lidar_m, shares, turns_rad))
+    turning = _shifted(points, moved, lidar_m, shares, turns_rad)
+    straight = _shifted(points, (moved[0], 0.0, 0.0), lidar_m, shares, np.zeros(1))  # the heading at which all stands
+    moving_m = _off_m(before, *(np.concatenate(both) for both in zip(turning, straight, strict=True)))
     stands = np.count_nonzero((still_m < FITS_M) & (moving_m > FITS_NOT_M), axis=1)
     moves = np.count_nonzero((still_m > FITS_NOT_M) & (moving_m < FITS_M), axis=1)
     best = int(np.argmax(moves - stands))

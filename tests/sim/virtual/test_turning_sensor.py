@@ -56,6 +56,12 @@ def test_each_follows_the_walls_of_the_loop(word, usual):
     assert not [stop for stop in run.stops if stop.from_s > 1.0]
 
 
+@pytest.mark.parametrize(("word", "speed_mps"), [("a2", 2.0), ("x2", 1.2)])
+def test_at_the_speed_that_it_allows_it_follows_the_walls_nearly_as_well(word, speed_mps):
+    run, usual = (drive_with(one, "loop", speed_mps, duration_s=20.0, seed=4500011) for one in (word, ""))
+    assert mean_error_m(run) < 1.5 * mean_error_m(usual)
+
+
 @pytest.mark.parametrize("word", ["a2", "x4"])
 def test_a_box_in_the_way_is_a_stop(word):
     box = Obstacle(Box(0.3, 0.6), StandingObstacle(Pose(7.0, 0.0, 0.0)))
