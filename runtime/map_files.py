@@ -35,6 +35,8 @@ MAX_BYTES: Final = 64 << 20
 MAX_WALL_POINTS: Final = 500_000
 FINGERPRINT_DIGITS: Final = 12
 SCALES: Final = (0.5, 2.0)
+DRIVE_AGAIN: Final = ". Drive the lap again"
+"""Remedy at the end of the sentence on a refused map."""
 LAP_START: Final = (0.0, 0.0, 0.0)
 """Pose at which the lap of a map of `wallride map` began."""
 
@@ -130,6 +132,16 @@ def read_pgm(settings: MapSettings) -> Floats:
         return np.where(shades > 100, 1.0, shades / 100.0)
     grey = shades / 255.0
     return grey if settings.negate else 1.0 - grey
+
+
+def refusal_of(file: Path) -> str:
+    """Return why a map is not to be trusted, "" for a good one. Raises: MapError."""
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise MapError(f"{file}: cannot be read ({error})") from None
+    refused = re.search(r"^# .*, (refused: .*)$", text, re.MULTILINE)
+    return f"the map is {refused[1]}{DRIVE_AGAIN}" if refused else ""
 
 
 def read_map(path: Path, occupancy: Callable[[MapSettings], Floats] = read_pgm) -> CarMap:

@@ -81,15 +81,15 @@ def _untold_m(information: Floats) -> Floats:
 def surfaces(points_m: Floats, reach: int = REACH, max_bend_m: float = MAX_BEND_M) -> ReferenceScan:
     """Return lines through the points of 2 * reach + 1 neighbouring beams: their middles and normals.
 
-    points_m: (2, beams). Total least squares in a sliding window. max_bend_m: standard deviation from a line.
+    points_m: (2, ..., beams). Total least squares in a sliding window. max_bend_m: standard deviation from a line.
     """
     known = np.isfinite(points_m[0])
     x_m, y_m = np.where(known, points_m, 0.0)
-    count = _sums(known.astype(float), reach)
+    count = window_sums(known.astype(float), reach)
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean_x, mean_y = _sums(x_m, reach) / count, _sums(y_m, reach) / count
-        xx, yy = _sums(x_m * x_m, reach) / count - mean_x**2, _sums(y_m * y_m, reach) / count - mean_y**2
-        xy = _sums(x_m * y_m, reach) / count - mean_x * mean_y
+        mean_x, mean_y = window_sums(x_m, reach) / count, window_sums(y_m, reach) / count
+        xx, yy = window_sums(x_m * x_m, reach) / count - mean_x**2, window_sums(y_m * y_m, reach) / count - mean_y**2
+        xy = window_sums(x_m * y_m, reach) / count - mean_x * mean_y
     angle_rad = 0.5 * np.arctan2(2.0 * xy, xx - yy)  # of the line
     half, root = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     bend_m, width_m = np.sqrt(np.maximum(half - root, 0.0)), np.sqrt(12.0 * np.maximum(half + root, 0.0))
@@ -99,11 +99,11 @@ def surfaces(points_m: Floats, reach: int = REACH, max_bend_m: float = MAX_BEND_
     return ReferenceScan(middles, np.stack([-np.sin(angle_rad), np.cos(angle_rad)]), usable)
 
 
-def _sums(values: Floats, reach: int) -> Floats:
-    """Return the sums over the window of each beam, (beams,)."""
-    padded = np.concatenate([np.zeros(reach + 1), values, np.zeros(reach)])
-    total: Floats = np.cumsum(padded)
-    return total[2 * reach + 1 :] - total[: -2 * reach - 1]
+def window_sums(values: Floats, reach: int) -> Floats:
+    """Return the sums over the window of each beam, (..., beams)."""
+    before, after = (np.zeros((*values.shape[:-1], count)) for count in (reach + 1, reach))
+    total: Floats = np.cumsum(np.concatenate([before, values, after], axis=-1), axis=-1)
+    return total[..., 2 * reach + 1 :] - total[..., : -2 * reach - 1]
 
 
 def _usable(stop: Stop, ignored: Booleans | None) -> Floats:

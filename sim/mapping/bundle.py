@@ -6,7 +6,7 @@ does so with planes). Beams that graze a rough wall end on what sticks out of it
 that bent laps by centimetres, so how much nearer is unknown, too, for each piece and side.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,11 +14,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from wallride.runtime.control.perception.geometry import directions
-from wallride.sim.mapping.keyframes import in_one_moment, trusted_ranges_m
+from wallride.sim.mapping.keyframes import swept_m
 from wallride.sim.mapping.lap_record import LapRecord
 from wallride.sim.mapping.odometry_path import LidarPath
-from wallride.sim.mapping.pose_graph import ERRORS, Edge, PoseGraph, between, solved
+from wallride.sim.mapping.pose_graph import ERRORS, Edge, PoseGraph, solved
 from wallride.sim.world.pose import Booleans, Floats
 
 PIECE_M: Final = 0.3
@@ -40,9 +39,8 @@ LEAST_KNOWN: Final = (1e-3, 1e-3, ROUGH_M**-2, ROUGH_M**-2)
 SCANS_EACH: Final = 3
 BEAMS_APART: Final = 3
 """About so many scans for each keyframe, and of each scan one beam in so many, the others of the next one."""
-PASSES: Final = 2
-ROUNDS: Final = 2
-"""Scans between keyframes are put to their places so many times, each followed by so many Gauss-Newton steps."""
+ROUNDS: Final = (1, 2)
+"""Scans between keyframes are put to their places as often as there are numbers: of Gauss-Newton steps that follow."""
 
 Complexes = npt.NDArray[np.complex128]
 Numbers = npt.NDArray[np.intp]
@@ -76,9 +74,9 @@ def adjusted(
     """
     graph, trust = PoseGraph(odometry), np.ones(len(odometry))
     poses, car = poses.copy(), np.zeros(ERRORS)
-    for _ in range(PASSES):
+    for rounds in ROUNDS:
         seen = _seen(record, path.through(times_s, poses), times_s)
-        for _ in range(ROUNDS):
+        for _ in range(rounds):
             matrix, gradient = graph.equations(poses, car, graph.errors(poses, car)[0], trust)
             of_walls, pull = _wall_equations(seen, poses)
             matrix = matrix + sparse.block_diag([of_walls, sparse.csc_matrix((ERRORS, ERRORS))], "csc")
@@ -94,25 +92,23 @@ def _seen(record: LapRecord, path: LidarPath, times_s: Floats) -> SeenPoints:
     nearest = np.searchsorted((times_s[1:] + times_s[:-1]) / 2, record.scan_s[scans])
     at = path.at(times_s)
     parts = [
-        (np.full(places_m.size, frame, np.intp), places_m, rays)
-        for frame, (places_m, rays) in zip(nearest.tolist(), _swept(record, path, scans, at[nearest]), strict=True)
+        _swept(record, path, scans[first::BEAMS_APART], nearest[first::BEAMS_APART], first, at)
+        for first in range(BEAMS_APART)
     ]
     frame, places_m, rays = (np.concatenate(part) for part in zip(*parts, strict=True))
     return SeenPoints(frame, places_m, rays)
 
 
-def _swept(record: LapRecord, path: LidarPath, scans: Numbers, frames: Floats) -> Iterator[tuple[Complexes, Complexes]]:
-    """Yield the ends and the directions of the beams of scans (n,), each in its frame, (n, 3)."""
-    ahead = np.array(directions(*record.kind))
-    age_s: Floats = record.ray_s * np.arange(record.kind[2] - 1.0, -1.0, -1.0)
-    for turn, (number, frame) in enumerate(zip(scans, frames, strict=True)):
-        ranges_m = trusted_ranges_m(record.ranges_m[number])
-        beams = np.flatnonzero(np.isfinite(ranges_m))[turn % BEAMS_APART :: BEAMS_APART]
-        from_poses = path.at(record.scan_s[number] - age_s[beams])
-        x_m, y_m = in_one_moment(ahead[:, beams] * ranges_m[beams], frame, from_poses)
-        lidar = between(np.broadcast_to(frame, from_poses.shape), from_poses)
-        ways_m = x_m - lidar[:, 0] + 1j * (y_m - lidar[:, 1])
-        yield x_m + 1j * y_m, ways_m / np.abs(ways_m)
+def _swept(
+    record: LapRecord, path: LidarPath, scans: Numbers, nearest: Numbers, first: int, at: Floats
+) -> tuple[Numbers, Complexes, Complexes]:
+    """Return the points of every BEAMS_APART-th beam of scans (n,), each in the frame of the nearest of poses `at`."""
+    beams = np.arange(first, record.kind[2], BEAMS_APART)
+    (x_m, y_m), (from_x_m, from_y_m) = swept_m(record, path, scans, beams, at[nearest])
+    scan, beam = np.nonzero(np.isfinite(x_m))
+    places_m = (x_m + 1j * y_m)[scan, beam]
+    ways_m = places_m - (from_x_m + 1j * from_y_m)[scan, beam]
+    return nearest[scan], places_m, ways_m / np.abs(ways_m)
 
 
 def _wall_equations(seen: SeenPoints, poses: Floats) -> tuple[sparse.csc_matrix, Floats]:
@@ -141,7 +137,8 @@ def _pieces(points_m: Complexes, rays: Complexes) -> tuple[Numbers, WallPieces]:
     """Return the piece of each point, and the pieces; both faces of a thin wall are two."""
     column, row = (np.floor(part / PIECE_M).astype(np.int64) for part in (points_m.real, points_m.imag))
     column, row = column - column.min(), row - row.min()
-    _, square = np.unique(column * (row.max() + 1) + row, return_inverse=True)
+    place = column * (row.max() + 1) + row
+    square = (np.cumsum(np.bincount(place) > 0) - 1)[place]
     piece = 2 * square + ((rays * _lines(points_m, square).normals[square].conj()).real > 0.0)
     return piece, _lines(points_m, piece)
 
@@ -168,6 +165,7 @@ def _eliminated(
     """Return the normal equations of the poses. Each (pairs, ...): a piece, a keyframe that sees it, and what it tells.
 
     told, pull: normal equations of the piece's unknowns by that keyframe alone, (UNKNOWN, UNKNOWN) and (UNKNOWN,).
+    Pairs are in the order of their pieces.
     """
     count, pieces = len(poses), len(walls.normals)
     arm_m = walls.middles_m[piece] - (poses[:, 0] + 1j * poses[:, 1])[frame]
@@ -175,17 +173,14 @@ def _eliminated(
     slopes[:, 0, 0], slopes[:, 0, 1] = walls.normals[piece].real, walls.normals[piece].imag
     slopes[:, 0, 2], slopes[:, 1, 2] = (arm_m.conj() * walls.normals[piece]).imag, -1.0
     whole = _summed(piece, told, pieces) + np.diag(LEAST_KNOWN)
-    root = np.linalg.cholesky(whole)
-    shared = np.linalg.solve(root[piece], told @ slopes)
-    rows = 3 * frame[:, None, None] + np.arange(3) + np.zeros((UNKNOWN, 1), np.intp)
-    columns = UNKNOWN * piece[:, None, None] + np.arange(UNKNOWN)[:, None] + np.zeros(3, np.intp)
-    by_pieces = sparse.csr_matrix(
-        (shared.ravel(), (rows.ravel(), columns.ravel())), shape=(3 * count, UNKNOWN * pieces)
-    )
+    root = np.linalg.inv(np.linalg.cholesky(whole))
+    shared = root[piece] @ (told @ slopes)
+    ends = np.append(0, np.cumsum(np.bincount(piece, minlength=pieces)))
+    by_pieces = sparse.bsr_matrix((shared, frame, ends), shape=(UNKNOWN * pieces, 3 * count))
     own = sparse.block_diag(list(_summed(frame, slopes.transpose(0, 2, 1) @ told @ slopes, count)), "csr")
     gradient = _summed(frame, np.einsum("pki,pk->pi", slopes, pull), count)
-    freed = np.linalg.solve(root, _summed(piece, pull, pieces)[:, :, None])
-    return sparse.csc_matrix(own - by_pieces @ by_pieces.T), gradient.ravel() - by_pieces @ freed.ravel()
+    freed = root @ _summed(piece, pull, pieces)[:, :, None]
+    return sparse.csc_matrix(own - by_pieces.T @ by_pieces), gradient.ravel() - by_pieces.T @ freed.ravel()
 
 
 def _summed(group: Numbers, values: Floats, groups: int) -> Floats:

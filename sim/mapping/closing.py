@@ -1,45 +1,34 @@
 """From a drive to the poses of its keyframes: laid over their neighbours, and over those of the lap's beginning.
 
-Two passes, each of which finds the car's errors with the poses; the second has its scans de-skewed by what the first
-has found, and closes the ring. Then a bundle adjustment of all scans makes the poses exact.
+Two passes or more, each of which finds the car's errors with the poses and has its scans de-skewed by what the one
+before has found; the last closes the ring. Then a bundle adjustment of all scans makes the poses exact.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from wallride.runtime.calibration.scan_motion import HUBER_M, Kind, lay_over, pair
+from wallride.runtime.calibration.scan_motion import Kind
 from wallride.sim.mapping.bundle import adjusted
-from wallride.sim.mapping.keyframes import Keyframe, keyframes
+from wallride.sim.mapping.keyframes import Keyframe, keyframes, trusted_ranges_m
 from wallride.sim.mapping.lap_record import LapRecord
+from wallride.sim.mapping.matching import Matcher
 from wallride.sim.mapping.odometry_path import LearntCar, LidarPath, odometry_path, of_the_axle
-from wallride.sim.mapping.pose_graph import ERRORS, Edge, Origin, PoseGraph, between, optimized, placed
+from wallride.sim.mapping.pose_graph import ERRORS, Edge, Origin, between, optimized, placed
 from wallride.sim.recordings import RecordingError
 from wallride.sim.world.pose import Floats
 
 BACK: Final = (1, 8)
 """A keyframe is laid over these before it."""
+LEARNT_SCALE: Final = 0.03
+MOST_PASSES: Final = 3
+"""A pass that corrects the wheels' scale by more is followed by another one, up to so many: a match is drawn toward
+the guess that the odometry gives, hence half of an error of 10 % remains."""
 NEARER: Final = (2, 3, 4)
 """Before it, where it fits none of those: in a narrow bend few of its points are seen from far."""
-POINT_STD_M: Final = 0.03
-"""Standard deviation of a point's distance from a surface: neighbours share most of their error, hence so much."""
-MATCH_STD: Final = (0.02, 0.004, 0.003)
-"""Least standard deviations [m, m, rad] of a match, of neighbours and of the ends of a loop."""
-GUESS_WEIGHT: Final = 0.5
-FITS_M: Final = 0.1
-"""Maximum distance of a point that fits from its surface."""
-MIN_POINTS: Final = 40
-WEAK_SHARE: Final = 0.04
-LOOP_WEAK_SHARE: Final = 0.15
-"""Least ratio of the information in the two directions; below it the odometry has the weaker one. A loop's is larger,
-because the noise of the normals invents information along a corridor."""
-FACES: Final = 0.35
-"""Least component of a normal along a direction that counts as information on it: noise turns normals by less."""
-MIN_SHARE: Final = 0.4
-LOOP_MIN_SHARE: Final = 0.55
 LOOP_WAY_M: Final = 8.0
 LOOP_TURN_RAD: Final = 0.6
 WINDOW_M, WINDOW_SHARE, MAX_WINDOW_M = 0.3, 0.012, 2.0
@@ -52,7 +41,7 @@ STRAIGHT_RADPM: Final = 0.2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClosedLap:
-    """The result of a drive: its keyframes with their poses (n, 3) and all edges with the chi2 of each.
+    """The result of a drive: its keyframes with their poses (n, 3), and all edges.
 
     car: what was learnt of the car's own sensors.
     """
@@ -60,7 +49,6 @@ class ClosedLap:
     frames: Sequence[Keyframe]
     poses: Floats
     edges: Sequence[Edge]
-    chi2: Floats
     car: LearntCar
 
     @property
@@ -72,89 +60,67 @@ class ClosedLap:
 def close_lap(record: LapRecord) -> ClosedLap:
     """Return the poses of a drive. RecordingError for a drive of fewer than three keyframes."""
     car, path = LearntCar(), odometry_path(record, LearntCar())
-    frames, chain, poses = _chained(record, path, BACK)
-    poses, _, errors = optimized(poses, chain)
-    if len(record.reports):
-        car = _corrected(car, errors, record)
-        path = odometry_path(record, car)
-    if len(record.gyro) < 2:
-        times_s = np.array([frame.time_s for frame in frames])
-        path = path.turned(times_s, poses[:, 2] - path.at(times_s)[:, 2])
-    frames, chain, poses = _chained(record, path, BACK)
+    scans = replace(record, ranges_m=trusted_ranges_m(record.ranges_m))
+    for _ in range(MOST_PASSES):
+        frames, chain, poses = _chained(record, scans, path)
+        poses, _, errors = optimized(poses, chain)
+        if len(record.reports):
+            car = _corrected(car, errors, record)
+            path = odometry_path(record, car)
+        if len(record.gyro) < 2:
+            times_s = np.array([frame.time_s for frame in frames])
+            path = path.turned(times_s, poses[:, 2] - path.at(times_s)[:, 2])
+        if abs(errors[0]) < LEARNT_SCALE:
+            break
+    frames, chain, poses = _chained(record, scans, path)
     poses, _, _ = optimized(poses, chain)
     poses, _, _ = optimized(poses, [*chain, *_loops(frames, poses, record.kind, searching=True)])
     times_s = np.array([frame.time_s for frame in frames])
     odometry = [edge for edge in chain if edge.origin is Origin.ODOMETRY]
-    poses, errors = adjusted(record, path, times_s, poses, odometry)
+    poses, errors = adjusted(scans, path, times_s, poses, odometry)
     edges = [*chain, *_loops(frames, poses, record.kind, searching=False)]
-    chi2 = PoseGraph(edges).errors(poses, errors)[1]
     car = _corrected(car, errors, record)
     if len(record.reports) and len(record.gyro) < 2:
         car = replace(car, trim_rad=_trim_rad(record, times_s, poses))
-    return ClosedLap(frames, poses, edges, chi2, car)
+    return ClosedLap(frames, poses, edges, car)
 
 
-def laid_over(
-    frames: Sequence[Keyframe], before: int, after: int, guess: Floats, kind: Kind, origin: Origin
-) -> Edge | None:
-    """Return the shift of a keyframe in the frame of another one; None where it does not fit.
-
-    Where the scene hides a direction, the shift has the guess's value in it, and the information none.
-    """
-    loop = origin is Origin.LOOP
-    surface, middles_m = frames[before].surface, frames[after].middles_m
-    shift, information = lay_over(surface, middles_m, guess, kind, GUESS_WEIGHT)
-    pairs = pair(surface, middles_m, shift, kind)
-    fits = pairs.good & (np.abs(pairs.off_m) < FITS_M)
-    count, seen = int(np.count_nonzero(fits)), int(np.count_nonzero(surface.usable[pairs.beam]))
-    if count < MIN_POINTS or count < (LOOP_MIN_SHARE if loop else MIN_SHARE) * seen:
-        return None
-    off_m = np.abs(pairs.off_m[fits])
-    residual_m = float(np.sqrt(np.average(off_m**2, weights=1.0 / np.maximum(1.0, off_m / HUBER_M))))
-    strength, axes = np.linalg.eigh(information[:2, :2])
-    toward = axes[:, 0] @ surface.normals[:, pairs.beam[fits]]
-    determined = float(np.sum(toward[np.abs(toward) > FACES] ** 2) / strength[1])
-    full = determined > (LOOP_WEAK_SHARE if loop else WEAK_SHARE)
-    if not full:
-        strong = np.eye(3)
-        strong[:2, :2] = np.outer(axes[:, 1], axes[:, 1])
-        shift, information = guess + strong @ (shift - guess), strong @ information @ strong
-    information = information / POINT_STD_M**2
-    information = np.linalg.solve(np.eye(3) + information * np.square(MATCH_STD), information).astype(np.float64)
-    return Edge(before, after, shift, information, origin, full, determined, count / seen, residual_m)
-
-
-def _frames(record: LapRecord, path: LidarPath) -> list[Keyframe]:
-    frames = keyframes(record, path)
+def _chained(record: LapRecord, scans: LapRecord, path: LidarPath) -> tuple[list[Keyframe], list[Edge], Floats]:
+    """Return keyframes, the edges along the way, and first poses, (n, 3)."""
+    frames = keyframes(scans, path)
     if len(frames) < 3:
         raise RecordingError(f"{record.name}: the car hardly moved ({len(frames)} places): a map needs a drive")
-    return frames
+    matcher = Matcher(frames, record.kind)
+    edges = [[_odometry(frames, number, record)] for number in range(1, len(frames))]
+    poses = np.array([frame.odometry for frame in frames])
+    for back in (*BACK, *NEARER):
+        after = np.arange(back, len(frames))
+        if back in NEARER:
+            after = after[[len(edges[number - 1]) == 1 for number in after.tolist()]]
+        if not len(after):
+            continue
+        guesses = between(poses[after - back], poses[after])
+        for edge in matcher.laid_over(after - back, after, guesses, Origin.NEIGHBOUR):
+            if edge is not None:
+                edges[edge.after - 1].append(edge)
+        if back in BACK:
+            poses = _placed(frames[0].odometry, edges)
+    return frames, [edge for some in edges for edge in some], poses
 
 
-def _chained(record: LapRecord, path: LidarPath, backs: Sequence[int]) -> tuple[list[Keyframe], list[Edge], Floats]:
-    """Return keyframes, the edges along the way, and first poses, (n, 3). backs: which are laid over each other."""
-    frames = _frames(record, path)
-    poses, edges = [frames[0].odometry], []
-    for number in range(1, len(frames)):
-        told = _odometry(frames, number, record)
-        edges.append(told)
-        found: list[Edge] = []
-        pose = placed(poses[-1], told.shift)
-        for back in (*backs, *NEARER):
-            if back > number or (found and back in NEARER):
-                continue
-            guess = between(poses[number - back], pose)
-            if (edge := laid_over(frames, number - back, number, guess, record.kind, Origin.NEIGHBOUR)) is not None:
-                found.append(edge)
-                pose = placed(poses[number - back], edge.shift) if back == 1 else pose
-        edges += found
-        poses.append(_met(poses, [told, *found]))
-    return frames, edges, np.array(poses)
+def _placed(first: Floats, edges: Sequence[Sequence[Edge]]) -> Floats:
+    """Return poses (n, 3), each the one that fits its edges to earlier ones best."""
+    poses = [first]
+    for some in edges:
+        poses.append(_met(poses, some))
+    return np.array(poses)
 
 
 def _met(poses: Sequence[Floats], edges: Sequence[Edge]) -> Floats:
     """Return the next pose, which fits best all edges to earlier ones."""
     pose = placed(poses[edges[-1].before], edges[-1].shift)
+    if len(edges) == 1:
+        return pose
     matrix, pull = np.zeros((3, 3)), np.zeros(3)
     for edge in edges:
         cos, sin = np.cos(poses[edge.before][2]), np.sin(poses[edge.before][2])
@@ -203,41 +169,40 @@ def _trim_rad(record: LapRecord, times_s: Floats, poses: Floats) -> float:
     return float(np.arctan(record.wheelbase_m * np.median((turn_rad - told_rad)[straight] / way_m[straight])))
 
 
-def _loops(frames: Sequence[Keyframe], poses: Floats, kind: Kind, *, searching: bool) -> Iterator[Edge]:
-    """Yield the edges between keyframes that are near each other after a loop.
+def _loops(frames: Sequence[Keyframe], poses: Floats, kind: Kind, *, searching: bool) -> list[Edge]:
+    """Return the edges between keyframes that are near each other after a loop.
 
-    searching: the poses may still be wrong by as much as a drive drifts; else they are right to a decimetre.
+    searching: the poses may still be wrong by as much as a drive drifts; else they are right to a decimetre. Then of
+    the fits from several places within the window only the best is an edge.
     """
     way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
     tree = cKDTree(poses[:, :2])
-    for after in range(1, len(frames)):
-        near = np.array(tree.query_ball_point(poses[after, :2], MAX_WINDOW_M if searching else NEAR_M), dtype=np.intp)
-        turned = np.abs(np.angle(np.exp(1j * (poses[near, 2] - poses[after, 2]))))
-        near = near[(way_m[near] < way_m[after] - LOOP_WAY_M) & (turned < LOOP_TURN_RAD)]
-        if not len(near):
-            continue
-        near = near[np.argsort(np.hypot(*(poses[near, :2] - poses[after, :2]).T))]
-        if not searching:
-            for before in near[:LOOPS_EACH]:
-                guess = between(poses[before], poses[after])
-                if (edge := laid_over(frames, int(before), after, guess, kind, Origin.LOOP)) is not None:
-                    yield edge
-        elif (best := _searched(frames, poses, int(near[0]), after, way_m, kind)) is not None:
-            yield best
+    pairs, guesses = [], []
+    for number in range(1, len(frames)):
+        near = np.array(tree.query_ball_point(poses[number, :2], MAX_WINDOW_M if searching else NEAR_M), dtype=np.intp)
+        turned = np.abs(np.angle(np.exp(1j * (poses[near, 2] - poses[number, 2]))))
+        near = near[(way_m[near] < way_m[number] - LOOP_WAY_M) & (turned < LOOP_TURN_RAD)]
+        near = near[np.argsort(np.hypot(*(poses[near, :2] - poses[number, :2]).T))]
+        for one in near[: 1 if searching else LOOPS_EACH]:
+            guess = between(poses[one], poses[number])
+            starts = _starts(guess, float(way_m[number] - way_m[one])) if searching else [guess]
+            pairs += [(one, number)] * len(starts)
+            guesses += starts
+    if not pairs:
+        return []
+    before, after = np.array(pairs).T
+    edges = Matcher(frames, kind).laid_over(before, after, np.array(guesses), Origin.LOOP)
+    found = [edge for edge in edges if edge is not None]
+    if not searching:
+        return found
+    best = {edge.after: edge for edge in sorted(found, key=lambda edge: (edge.full, edge.share))}
+    return list(best.values())
 
 
-def _searched(
-    frames: Sequence[Keyframe], poses: Floats, before: int, after: int, way_m: Floats, kind: Kind
-) -> Edge | None:
-    """Return the best fit of a keyframe to one of the lap's beginning, from several places within the window."""
-    guess = between(poses[before], poses[after])
-    window_m = min(MAX_WINDOW_M, WINDOW_M + WINDOW_SHARE * float(way_m[after] - way_m[before]))
+def _starts(guess: Floats, way_m: float) -> list[Floats]:
+    """Return the places from which to lay a keyframe over another one after a loop of so much way."""
+    window_m = min(MAX_WINDOW_M, WINDOW_M + WINDOW_SHARE * way_m)
     if float(np.hypot(*guess[:2])) > window_m + WINDOW_M:
-        return None
+        return []
     reach = int(window_m / SEARCH_STEP_M) if window_m > SEARCH_STEP_M + WINDOW_M else 0
-    found: list[Edge] = []
-    for ahead in sorted(range(-reach, reach + 1), key=abs):
-        start = guess + np.array([ahead * SEARCH_STEP_M, 0.0, 0.0])
-        if (edge := laid_over(frames, before, after, start, kind, Origin.LOOP)) is not None:
-            found.append(edge)
-    return max(found, key=lambda edge: (edge.full, edge.share), default=None)
+    return [guess + np.array([ahead * SEARCH_STEP_M, 0.0, 0.0]) for ahead in range(-reach, reach + 1)]

@@ -20,7 +20,7 @@ ERROR_STD: Final = (0.05, 0.02, 0.02, 0.01)
 """Number of a car's errors that are unknown with the poses, and what they may be: scale of the wheels, slip [s2/m],
 scale of the gyro, and its bias [rad/s], or the bend of the way [rad/m] by the steering's trim."""
 ROUNDS: Final = 16
-ENOUGH_M: Final = 1e-5
+ENOUGH_M: Final = 1e-4
 DOUBTED_CHI2: Final = 10.0
 FIRST_DOUBTED_CHI2: Final = 1e5
 """From which chi2 on an edge loses weight, at last and in the first round; by a tenth less in each: before the ring is
@@ -117,8 +117,8 @@ class PoseGraph:
         by_before = np.array([[-cos, -sin, there[:, 1]], [sin, -cos, -there[:, 0]], [zero, zero, -one]])
         slopes = np.concatenate([by_before, by_after, -self._by_errors.transpose(1, 2, 0)], axis=1).transpose(2, 0, 1)
         information = self._information * trust[:, None, None]
-        blocks = np.einsum("eki,ekl,elj->eij", slopes, information, slopes)
-        pulls = np.einsum("eki,ekl,el->ei", slopes, information, errors)
+        weighted = slopes.transpose(0, 2, 1) @ information
+        blocks, pulls = weighted @ slopes, np.einsum("eik,ek->ei", weighted, errors)
         first = 3 * len(poses)
         of_car = np.tile(first + np.arange(ERRORS)[:, None], count)
         index = np.concatenate([3 * before + np.arange(3)[:, None], 3 * after + np.arange(3)[:, None], of_car]).T

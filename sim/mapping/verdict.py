@@ -8,7 +8,7 @@ import numpy as np
 
 from wallride.sim.mapping.closing import ClosedLap
 from wallride.sim.mapping.lap_record import LapRecord
-from wallride.sim.mapping.pose_graph import Edge, Origin, between
+from wallride.sim.mapping.pose_graph import ERRORS, Edge, Origin, PoseGraph, between
 from wallride.sim.world.pose import Floats
 
 GAP_S: Final = 0.5
@@ -18,8 +18,11 @@ RESIDUAL_M: Final = 0.03
 INLIERS: Final = 0.6
 FULL_LOOPS: Final = 3
 UNMATCHED_SHARE: Final = 0.02
+TOLERANCE: Final = (0.015, 0.015, 0.01)
+"""Standard deviations [m, m, rad] of what a map may be wrong by, beside those of a match: these alone are 4 mm, as
+weights of the graph, and a map that is right to 1 cm would contradict them."""
 CONTRADICTION: Final = 4.0
-"""Mean chi2 of the edges of the loop at the map's poses: 0.1 to 1.7 on good maps, 180 with scans of another place."""
+"""Mean chi2 of the edges of the loop at the map's poses, with TOLERANCE."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +61,7 @@ def judge_map(record: LapRecord, lap: ClosedLap, *, is_open: bool = False) -> Ma
     """Return the verdict on a lap. is_open: the drive does not return to its beginning, and need not."""
     matched = [edge for edge in lap.edges if edge.origin is not Origin.ODOMETRY]
     near = [edge for edge in matched if edge.origin is Origin.NEIGHBOUR and edge.after - edge.before == 1]
-    loops = [(edge, chi2) for edge, chi2 in zip(lap.edges, lap.chi2, strict=True) if edge.origin is Origin.LOOP]
+    loops = lap.loops
     gap_s, gap_at_s = _gap(record, lap)
     verdict = MapVerdict(
         way_m=float(np.hypot(*np.diff(lap.poses[:, :2], axis=0).T).sum()),
@@ -67,13 +70,21 @@ def judge_map(record: LapRecord, lap: ClosedLap, *, is_open: bool = False) -> Ma
         residual_m=float(np.sqrt(np.mean([edge.residual_m**2 for edge in matched]))) if matched else float("nan"),
         inliers=float(np.percentile([edge.share for edge in near], 5)) if near else 0.0,
         loops=len(loops),
-        full_loops=sum(edge.full for edge, _ in loops),
-        contradiction=float(np.mean([chi2 for _, chi2 in loops])) if loops else float("nan"),
+        full_loops=sum(edge.full for edge in loops),
+        contradiction=contradiction(lap.poses, loops) if loops else float("nan"),
         gap_s=gap_s,
         reasons=(),
     )
-    reasons = tuple(_reasons(verdict, gap_at_s, _ring_gap(lap, [edge for edge, _ in loops]), is_open=is_open))
+    reasons = tuple(_reasons(verdict, gap_at_s, _ring_gap(lap, loops), is_open=is_open))
     return replace(verdict, reasons=reasons)
+
+
+def contradiction(poses: Floats, loops: Sequence[Edge]) -> float:
+    """Return the mean chi2 of edges at poses (n, 3), with TOLERANCE."""
+    errors = PoseGraph(loops).errors(poses, np.zeros(ERRORS))[0]
+    known = np.array([edge.information for edge in loops])
+    known = np.linalg.solve(np.eye(3) + known * np.square(TOLERANCE), known)
+    return float(np.mean(np.einsum("ei,eij,ej->e", errors, known, errors)))
 
 
 def _reasons(verdict: MapVerdict, gap_at_s: float, end: str, *, is_open: bool) -> Iterator[str]:

@@ -16,6 +16,7 @@ from wallride.runtime.arbitration.command import Source
 from wallride.runtime.control.line_following.race_line import CourseLine
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.line_files import LINE_SUFFIX, read_line
+from wallride.runtime.map_files import refusal_of
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.car.wiring import WiringConversion, WiringErrors
 from wallride.sim.lab import laws
@@ -25,7 +26,6 @@ from wallride.sim.races.boxes import FULL_SPEED, MOVING, SUDDEN, BrakingGuard, b
 from wallride.sim.races.mapped_lap import TRIM_RAD, WHEELS, KeyframePoses, map_file, poses_of_map
 from wallride.sim.racing.free_space import FreeSpace
 from wallride.sim.racing.line_file import text_of
-from wallride.sim.racing.race import refusal_of
 from wallride.sim.racing.raceline import NoLineError, RaceLine, race_line
 from wallride.sim.racing.ring import NoRingError, driven_path, read_path, ring_of_path
 from wallride.sim.racing.speed_profile import Grip

@@ -4,10 +4,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from wallride.runtime.map_files import DRIVE_AGAIN
 from wallride.sim.lab.cell import TabledCell, course_name
 from wallride.sim.lab.figures import Row, chosen, distinct, mean, text, worst
 from wallride.sim.races.published import PUBLISHED
-from wallride.sim.racing.race import DRIVE_AGAIN
 
 COLUMNS = (
     "course", "law", "laps", "lap s", "theory s", "error rms cm", "p99 cm", "hard stops", "contacts", "published s",

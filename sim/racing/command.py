@@ -11,11 +11,10 @@ import numpy as np
 
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.host.output_files import write_answer, write_files
-from wallride.runtime.map_files import fingerprint
+from wallride.runtime.map_files import fingerprint, refusal_of
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.racing.free_space import FreeSpace
 from wallride.sim.racing.line_file import save_picture, text_of
-from wallride.sim.racing.race import refusal_of
 from wallride.sim.racing.raceline import NoLineError, RaceLine, race_line
 from wallride.sim.racing.ring import driven_path, read_path, ring_of, ring_of_path
 from wallride.sim.racing.speed_profile import Grip

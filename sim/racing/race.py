@@ -12,7 +12,7 @@ import numpy as np
 
 from wallride.runtime.control.line_following.race_line import CourseLine
 from wallride.runtime.line_files import LINE_SUFFIX, read_line
-from wallride.runtime.map_files import MapError
+from wallride.runtime.map_files import MapError, refusal_of
 from wallride.runtime.settings.tree import SettingsError
 from wallride.sim.world.lap import Lap
 from wallride.sim.world.place import World
@@ -24,8 +24,6 @@ START: Final = " --pose "
 SPARE: Final = 1.1
 """The car's maximum speed over the line's highest: wheels that report too much are commanded more."""
 MOVES_MPS: Final = 0.3
-DRIVE_AGAIN: Final = ". Drive the lap again"
-"""Remedy at the end of the sentence on a refused map."""
 
 
 def take_race(options: argparse.Namespace) -> None:
@@ -57,12 +55,6 @@ def line_of_map(file: Path) -> Path:
     if not beside.is_file():
         raise MapError(f"--race {file}: no race line beside it; make one there: wallride line {file} -o {beside}")
     return beside
-
-
-def refusal_of(file: Path) -> str:
-    """Return why a map is not to be trusted, "" for a good one. Raises: MapError."""
-    refused = re.search(r"^# .*, (refused: .*)$", _text(file), re.MULTILINE)
-    return f"the map is {refused[1]}{DRIVE_AGAIN}" if refused else ""
 
 
 def world_of_map(file: Path) -> tuple[str, str | None]:

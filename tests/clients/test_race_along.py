@@ -53,7 +53,8 @@ class Car:
 
 @pytest.fixture
 def made(tmp_path):
-    """A map's race line, square, of 5 m/s at most."""
+    """A map with its race line, square, of 5 m/s at most."""
+    (tmp_path / "lab.yaml").write_text("# map by wallride of a.mcap, good\nimage: lab.pgm\n")
     corners = [(side * 0.25, 0.0) for side in range(10)] + [(2.5, side * 0.25) for side in range(10)]
     corners += [(2.5 - x, 2.5 - y) for x, y in corners]
     rows = [f"{0.25 * n}; {x}; {y}; 0; 0; {4 + n % 2}; 0; 1" for n, (x, y) in enumerate(corners)]
@@ -107,3 +108,12 @@ async def test_a_map_without_a_line_and_another_car_s_file_are_named(made, car_t
         with pytest.raises(ConnectionProblemError, match=r"is of another car: car\.name is car2 in it, and car1"):
             await car.race(made, "--config", car_toml)
     assert car.restarts == 0
+
+
+async def test_a_refused_map_is_not_raced_along(made, car_toml):
+    made.write_text("# map by wallride of a.mcap, refused: the ring is open\nimage: lab.pgm\n")
+    async with Car() as car:
+        with pytest.raises(ConnectionProblemError, match=r"lab\.yaml: the map is refused: the ring is open\. Drive"):
+            await car.race(made, "--config", car_toml)
+    assert car.restarts == 0
+    assert car_toml.read_text() == FILE

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.racing.maps import MAX_M, RMS_M, MapDrive, errors_m, recorded
 from wallride.sim.mapping.closing import close_lap
-from wallride.sim.mapping.verdict import judge_map
+from wallride.sim.mapping.verdict import CONTRADICTION, contradiction, judge_map
 
 
 def mapped(flaw="", *, gyro=True, seed=3, speed_mps=4.0):
@@ -47,3 +47,21 @@ def test_a_broken_recording_is_refused_with_the_reason(flaw, reason):
     verdict, _, _ = mapped(flaw)
     assert not verdict.good
     assert reason in "; ".join(verdict.reasons)
+
+
+@pytest.mark.parametrize(("bend_rad", "good"), [(0.01, True), (0.1, False)])
+def test_a_map_that_is_bent_by_more_than_a_map_may_be_wrong_contradicts_its_end(bend_rad, good):
+    _, _, lap = mapped()
+    turn_rad = np.linspace(0.0, bend_rad, len(lap.poses))
+    places = lap.poses[:, :2] @ np.array([1.0, 1j])
+    places[1:] = places[0] + np.cumsum(np.diff(places) * np.exp(1j * turn_rad[1:]))
+    bent = np.column_stack([places.real, places.imag, lap.poses[:, 2] + turn_rad])
+    assert (contradiction(bent, lap.loops) < CONTRADICTION) is good
+
+
+def test_wheels_that_are_ten_percent_wrong_are_corrected_without_a_gyro_on_a_winding_track():
+    """One pass finds half of it; the lap's ends then lie 2.9 m apart, beyond the search for a loop."""
+    record, truth = recorded(MapDrive("track:seed=302", 2.0, 0.8, 2205, gyro=False, flaw="wheels"), Path())
+    lap = close_lap(record)
+    assert judge_map(record, lap).good
+    assert errors_m(lap, record, truth).max() < MAX_M

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from wallride.runtime.control.perception.geometry import bearings_rad, directions
-from wallride.sim.mapping.closing import close_lap, laid_over
-from wallride.sim.mapping.keyframes import in_one_moment, keyframes
+from wallride.sim.mapping.closing import close_lap
+from wallride.sim.mapping.keyframes import in_one_moment, keyframes, trusted_ranges_m
 from wallride.sim.mapping.lap_record import LapRecord
+from wallride.sim.mapping.matching import Matcher
 from wallride.sim.mapping.odometry_path import LearntCar, LidarPath, gyro_bias_radps, odometry_path
 from wallride.sim.mapping.pose_graph import Origin, between
 from wallride.sim.world.worlds import load_world
@@ -22,16 +23,22 @@ def frames_along(world_name, *, at_m=0.0, noise_m=0.01, seed=0):
     world, rng = load_world(world_name), np.random.default_rng(seed)
     bearings = np.array(bearings_rad(*KIND))
     ranges_m = [world.cast(x_m, 0.0, bearings) + rng.normal(0.0, noise_m, KIND[2]) for x_m in (at_m, at_m + STEP_M)]
-    record = LapRecord("two places", KIND, 0.0, np.array([0.0, 1.0]), np.array(ranges_m, dtype=np.float32))
+    record = LapRecord(
+        "two places", KIND, 0.0, np.array([0.0, 1.0]), trusted_ranges_m(np.array(ranges_m, dtype=np.float32))
+    )
     path = LidarPath(record.scan_s, np.array([[0.0, 0.0, 0.0], [STEP_M, 0.0, 0.0]]))
     return keyframes(record, path)
+
+
+def laid_over(frames, guess, origin):
+    return Matcher(frames, KIND).laid_over(np.array([0]), np.array([1]), guess[None], origin)[0]
 
 
 @pytest.mark.parametrize("origin", [Origin.NEIGHBOUR, Origin.LOOP])
 @pytest.mark.parametrize("seed", range(4))
 def test_a_corridor_hides_the_direction_along_it(origin, seed):
     guess = np.array([STEP_M + 0.1, 0.05, 0.02])
-    edge = laid_over(frames_along("corridor", at_m=25.0, seed=seed), 0, 1, guess, KIND, origin)
+    edge = laid_over(frames_along("corridor", at_m=25.0, seed=seed), guess, origin)
     assert not edge.full
     assert edge.shift == pytest.approx([guess[0], 0.0, 0.0], abs=0.01)
     along = edge.information[0, 0] / edge.information[1, 1]
@@ -40,7 +47,7 @@ def test_a_corridor_hides_the_direction_along_it(origin, seed):
 
 def test_a_corner_determines_all_directions():
     guess = np.array([STEP_M + 0.1, 0.05, 0.02])
-    edge = laid_over(frames_along("loop"), 0, 1, guess, KIND, Origin.LOOP)
+    edge = laid_over(frames_along("loop"), guess, Origin.LOOP)
     assert edge.full
     assert edge.shift == pytest.approx([STEP_M, 0.0, 0.0], abs=0.005)
     assert edge.share > 0.95
@@ -48,7 +55,7 @@ def test_a_corner_determines_all_directions():
 
 def test_places_that_do_not_look_alike_have_no_edge():
     here, there = frames_along("loop")[0], frames_along("u_turn", at_m=4.0)[0]
-    assert laid_over([here, there], 0, 1, np.zeros(3), KIND, Origin.LOOP) is None
+    assert laid_over([here, there], np.zeros(3), Origin.LOOP) is None
 
 
 def test_a_place_after_a_blind_one_is_laid_over_one_before_that():
@@ -71,7 +78,8 @@ def test_points_are_put_where_a_standing_lidar_sees_them():
     poses = np.column_stack([0.1 * share, 0.02 * share, 0.08 * share])
     bearings = KIND[0] + KIND[1] * np.arange(KIND[2]) + poses[:, 2]
     ranges_m = np.where(np.cos(bearings) > 0.1, (2.0 - poses[:, 0]) / np.cos(bearings), np.nan)
-    seen = in_one_moment(np.array(directions(*KIND)) * ranges_m, poses[-1], poses)
+    points_m = np.array(directions(*KIND)) * ranges_m
+    seen = in_one_moment(points_m[:, None], poses[-1:], poses[None])[0][:, 0]
     turned = np.cos(0.08) * seen[0] - np.sin(0.08) * seen[1] + 0.1
     assert turned[np.isfinite(turned)] == pytest.approx(2.0)
 
