@@ -35,6 +35,8 @@ from wallride.sim.world.place import World
 from wallride.sim.world.pose import Floats
 from wallride.sim.world.worlds import load_world
 
+BETWEEN_BORDERS = "corridor+"
+"""Begin of the name of a law that plans its own way, and at what speed, without a map."""
 FLYING = 3
 """The first lap that counts: by then the speed has reached what was asked."""
 SLOWEST_MPS, STANDS_S, MOVING_MPS = 1.2, 6.0, 0.3
@@ -126,9 +128,13 @@ def _drive(
 
 
 def _of_the_law(cell: RaceCell) -> tuple[str, ...]:
-    """Return the settings that the law has of these: assumed friction, and a first lap at full speed before a box."""
+    """Return the settings that the law has of these: assumed friction, and a first lap at full speed before a box.
+
+    `corridor` is told the floor as `line` is; `line` has `assumed_mu`, too, for the wall, which keeps its default.
+    """
     follow = laws.settings_of(cell.law, cell.side, cell.desired_m, cell.speed_mps).wall_follow
-    wanted = {"floor_mu": cell.mu * cell.assumed} | ({FULL_SPEED: 1.0} if cell.box else {})
+    friction = "assumed_mu" if cell.law.startswith(BETWEEN_BORDERS) else "floor_mu"
+    wanted = {friction: cell.mu * cell.assumed} | ({FULL_SPEED: 1.0} if cell.box else {})
     return tuple(f"wall_follow.{name}={value}" for name, value in wanted.items() if hasattr(follow, name))
 
 

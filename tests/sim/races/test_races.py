@@ -9,7 +9,7 @@ from wallride import lab_options
 from wallride.sim.lab.command import LabUsageError
 from wallride.sim.races.command import race_cells, race_choice, run
 from wallride.sim.races.mapped_lap import map_course, map_file
-from wallride.sim.races.race_cell import RaceCell, planned_line
+from wallride.sim.races.race_cell import RaceCell, Racing, planned_line
 
 LAPS = 3
 
@@ -57,6 +57,23 @@ def test_a_map_that_is_kept_is_taken_again(raced):
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
     assert [cell["map_refused"] for cell in raced[1]["cells"]] == ["", ""]
     assert set(before) == {"loop.yaml", "loop.pgm", "loop.path.csv", "loop.walls.csv", "loop.truth.npz"}
+
+
+@pytest.mark.parametrize(
+    ("law", "told"), [("corridor", "assumed_mu"), ("line", "floor_mu"), ("ball", None)]
+)  # fmt: skip
+def test_the_laws_that_plan_their_speeds_are_told_the_floor(raced, monkeypatch, law, told):
+    class BegunError(Exception):
+        pass
+
+    def drive_case(cell, case):
+        raise BegunError(*cell.settings)
+
+    monkeypatch.setattr("wallride.sim.races.race_cell.laws.drive_case", drive_case)
+    with pytest.raises(BegunError) as begun:
+        Racing(raced[0])(RaceCell("races", "loop", f"{law}+swept", 6.0, 0.5, "left", 0, assumed=1.2))
+    frictions = [text for text in begun.value.args if "mu=" in text]
+    assert frictions == ([f"wall_follow.{told}=0.6"] if told else [])
 
 
 def test_more_assumed_friction_plans_a_faster_line(raced):
