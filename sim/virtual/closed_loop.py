@@ -185,7 +185,8 @@ def as_scan(reported_mm: Millimetres, lidar: LidarSettings, time_s: float, seque
     ranges_m = np.where(usable, reported_mm.astype(np.float32) / np.float32(1000), np.float32(np.nan))
     ranges_m.setflags(write=False)
     first_rad, step_rad = math.radians(lidar.first_deg) + yaw_rad, math.radians(lidar.last_deg - lidar.first_deg)
-    return Scan(time_s, time_s, first_rad, step_rad / (lidar.beams - 1), RANGE_MIN_M, range_max_m, ranges_m, sequence)
+    step_rad /= lidar.beams - 1
+    return Scan(time_s, time_s, first_rad, step_rad, RANGE_MIN_M, range_max_m, ranges_m, sequence, lidar.ray_s)
 
 
 @dataclass(slots=True)

@@ -80,6 +80,11 @@ class LidarSettings(BaseModel):
         """Return the time from the first beam to the last: 18.75 ms of the UST-10LX's 25 ms."""
         return (self.last_deg - self.first_deg) / _TURN_DEG / self.rate_hz
 
+    @property
+    def ray_s(self) -> float:
+        """Return the time from one beam to the next, as a driver tells it."""
+        return self.sweep_s / (self.beams - 1) if self.motion_skew else 0.0
+
 
 def scan(
     surroundings: Surroundings,

@@ -173,8 +173,9 @@ class LineFollower:
         late_s = min(max(scan.received_s - scan.stamp_s, 0.0), MAX_STEP_S)
         then = now.later(self._settings.latency_s + WIRE_S + late_s, self._told_rad, tyres)
         there = line.nearest(then.place_m, on.along_m)
+        pulled = tyres.pulling(self._build_up.share**2 * line.pull_at(there.along_m))
         most_rad = self._car.max_steering_rad
-        steering_rad = min(max(line_law.steering_rad(then, line, there, tyres), -most_rad), most_rad)
+        steering_rad = min(max(line_law.steering_rad(then, line, there, tyres, pulled), -most_rad), most_rad)
         speed_mps = self._build_up.share * line_law.speed_mps(then, line, there)
         far = max(0.0, (abs(there.aside_m) - JOINED_M) / (LEFT_M - JOINED_M)) if self._joined else 1.0
         if far > 0.0:

@@ -61,18 +61,25 @@ def heading_error_rad(car: Moving, on: OnLine, tyres: Tyres) -> float:
     return math.remainder(car.yaw_rad - slip_rad - on.yaw_rad, math.tau)
 
 
-def steering_rad(car: Moving, line: CourseLine, on: OnLine, tyres: Tyres) -> float:
-    """Return the angle to tell the wheels. car: where it is when they obey. on: the line beside it."""
+def steering_rad(car: Moving, line: CourseLine, on: OnLine, tyres: Tyres, pulled: Tyres | None = None) -> float:
+    """Return the angle to tell the wheels. car: where it is when they obey. on: the line beside it.
+
+    pulled: the tyres at the line's own acceleration. What that changes counts for the line's bend alone: a correction
+    is over before the slip has followed it.
+    """
+    pulled = pulled or tyres
     speed_mps = max(car.speed_mps, SLOWEST_MPS)
     per_m = FREQUENCY_RADPS / speed_mps
     most_m = min(MOST_ASIDE_M, 2.0 * DAMPING * STEEPEST / per_m)
     curvature_radpm = line.curvature_at(on.along_m + AHEAD_S * car.speed_mps + AHEAD_M)
-    off_rad = heading_error_rad(car, on, tyres) + LEAD_S * (car.turn_radps - car.speed_mps * on.curvature_radpm)
+    lateral_mps2 = car.speed_mps**2 * curvature_radpm
+    more_rad = pulled.understeer_rad(lateral_mps2) - tyres.understeer_rad(lateral_mps2)
+    off_rad = heading_error_rad(car, on, pulled) + LEAD_S * (car.turn_radps - car.speed_mps * on.curvature_radpm)
     curvature_radpm -= 2.0 * DAMPING * per_m * math.sin(off_rad)
     curvature_radpm -= per_m**2 * min(max(on.aside_m, -most_m), most_m)
     most_radpm = tyres.most_radpm(speed_mps)
     curvature_radpm = min(max(curvature_radpm, -most_radpm), most_radpm)
-    return tyres.steering_rad(curvature_radpm, car.speed_mps) - car.trim_rad
+    return tyres.steering_rad(curvature_radpm, car.speed_mps) + more_rad - car.trim_rad
 
 
 def speed_mps(car: Moving, line: CourseLine, on: OnLine) -> float:

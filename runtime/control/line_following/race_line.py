@@ -13,6 +13,9 @@ from wallride.runtime.control.perception.geometry import Floats, Places
 NEAR_M: Final = 3.0
 """Largest way along the line from scan to scan: where a line passes near itself, the other part is not taken."""
 
+PULL_M: Final = 0.3
+"""Way over which the acceleration of a line is taken."""
+
 
 @value()
 class OnLine:
@@ -83,6 +86,10 @@ class CourseLine:
     def speed_at(self, along_m: float) -> float:
         """Return the speed at a way along the line [m/s]."""
         return self._between(self.speed_mps, along_m)
+
+    def pull_at(self, along_m: float) -> float:
+        """Return the acceleration along the way from a place on [m/s2]."""
+        return (self.speed_at(along_m + PULL_M) ** 2 - self.speed_at(along_m) ** 2) / (2.0 * PULL_M)
 
     def place_at(self, along_m: float) -> complex:
         """Return the point at a way along the line."""

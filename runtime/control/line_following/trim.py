@@ -1,19 +1,19 @@
-"""The steering's trim, learnt from the turn that the scans show.
+"""The steering's trim, learnt from the turn that the scans show: the change of heading from scan to scan.
 
-That is the change of heading from scan to scan: the filter's own turn leans toward what an untrimmed steering would do.
+It is compared with the steering as the turn follows it: on a course that goes one way round, a lag is no trim.
 """
 
 import math
 from typing import Final
 
-from wallride.runtime.control.line_following.line_law import Moving
+from wallride.runtime.control.line_following.line_law import TURN_LAG_S, Moving
 from wallride.runtime.control.line_following.tyres import Tyres
 
 LEAST_MPS: Final = 0.5
 MOST_MPS2: Final = 1.5
 """Lateral acceleration above which the slip of the tyres would be taken for trim."""
 STEADY_RAD: Final = 0.02
-"""Largest change of the told angle from scan to scan: the turn follows a faster one with a lag."""
+"""Largest distance of the told angle from that which the turn follows: beyond, the lag is not known well enough."""
 LEARNS_S: Final = 1.5
 MOST_RAD: Final = 0.08
 
@@ -23,18 +23,20 @@ class SteeringTrim:
 
     def __init__(self) -> None:
         self.rad = 0.0
-        self._told_rad = 0.0
+        self._followed_rad = 0.0
         self._yaw_rad = math.nan
 
     def learn(self, now: Moving, told_rad: float, since_s: float, tyres: Tyres) -> None:
         """Take in a scan. told_rad: the angle that the motor reports."""
-        steady = abs(told_rad - self._told_rad) < STEADY_RAD
+        followed_rad = self._followed_rad  # as it was half a scan before the middle of the turn
+        self._followed_rad += (1.0 - math.exp(-since_s / TURN_LAG_S)) * (told_rad - followed_rad)
+        steady = abs(told_rad - followed_rad) < STEADY_RAD
         turned_rad = math.remainder(now.yaw_rad - self._yaw_rad, math.tau) if since_s > 0.0 else math.nan
-        self._told_rad, self._yaw_rad = told_rad, now.yaw_rad
+        self._yaw_rad = now.yaw_rad
         unfit = now.speed_mps < LEAST_MPS or abs(now.speed_mps * now.turn_radps) > MOST_MPS2
         if unfit or not steady or math.isnan(turned_rad):
             return
         wheels_rad = tyres.steering_rad(turned_rad / (since_s * now.speed_mps), now.speed_mps)
         gain = since_s / LEARNS_S
-        trim_rad = self.rad + gain * (wheels_rad - told_rad - self.rad)
+        trim_rad = self.rad + gain * (wheels_rad - followed_rad - self.rad)
         self.rad = math.copysign(min(abs(trim_rad), MOST_RAD), trim_rad)

@@ -1,6 +1,7 @@
 """How far the axles slip aside in a bend, and what a steering angle turns the car by: one saturating tyre an axle."""
 
 import math
+from dataclasses import replace
 from typing import Final
 
 from wallride.drivers.value import value
@@ -8,6 +9,11 @@ from wallride.runtime.control.vehicle import GRAVITY_MPS2
 
 MOST_SHARE: Final = 0.97
 """Share of the grip above which a tyre slips without end."""
+
+HEIGHT_SHARE: Final = 0.22
+"""Height of the centre of gravity over the wheelbase, of F1TENTH cars: what a pull along moves of the load."""
+MOST_PULL: Final = 0.5
+"""Largest pull along that counts, as a share of the grip."""
 
 MOST_OTHER: Final = 1.7
 """Largest ratio of the observed stiffness of tyres and the assumed one, either way."""
@@ -18,13 +24,15 @@ class Tyres:
     """The tyres of a car as a single track.
 
     wheelbase_m: between the axles. mu: friction of the floor. front_per_rad, rear_per_rad: lateral force by slip angle,
-    as a multiple of mu times the load.
+    as a multiple of mu times the load. front_load, rear_load: of the axles over that at rest.
     """
 
     wheelbase_m: float
     mu: float
     front_per_rad: float
     rear_per_rad: float
+    front_load: float = 1.0
+    rear_load: float = 1.0
 
     def slipping(self, slip_s2pm: float) -> "Tyres":
         """Return tyres whose rear axle moves aside by slip * speed^2 * turn, as it was observed; the front alike."""
@@ -32,17 +40,26 @@ class Tyres:
         share = min(max(share, 1.0 / MOST_OTHER), MOST_OTHER)
         return Tyres(self.wheelbase_m, self.mu, share * self.front_per_rad, share * self.rear_per_rad)
 
+    def pulling(self, ahead_mps2: float) -> "Tyres":
+        """Return tyres that speed the car up or slow it down: with less grip aside, and other loads."""
+        most_mps2 = MOST_PULL * self.mu * GRAVITY_MPS2
+        pull_mps2 = min(max(ahead_mps2, -most_mps2), most_mps2)
+        aside = math.sqrt(1.0 - (pull_mps2 / (self.mu * GRAVITY_MPS2)) ** 2)
+        moved = 2.0 * HEIGHT_SHARE * pull_mps2 / GRAVITY_MPS2
+        return replace(self, front_load=aside * (1.0 - moved), rear_load=aside * (1.0 + moved))
+
     def most_radpm(self, speed_mps: float) -> float:
         """Return the tightest bend that the grip allows."""
         return MOST_SHARE * self.mu * GRAVITY_MPS2 / (speed_mps * speed_mps)
 
     def rear_slip_rad(self, lateral_mps2: float) -> float:
         """Return the angle by which the rear axle's way points outward from the car's heading, in a steady bend."""
-        return slip_rad(lateral_mps2, self.rear_per_rad, self.mu)
+        return slip_rad(lateral_mps2 / self.rear_load, self.rear_per_rad, self.mu)
 
     def understeer_rad(self, lateral_mps2: float) -> float:
         """Return by how much more than without slip the wheels have to be steered in a steady bend."""
-        return slip_rad(lateral_mps2, self.front_per_rad, self.mu) - self.rear_slip_rad(lateral_mps2)
+        front_rad = slip_rad(lateral_mps2 / self.front_load, self.front_per_rad, self.mu)
+        return front_rad - self.rear_slip_rad(lateral_mps2)
 
     def steering_rad(self, curvature_radpm: float, speed_mps: float) -> float:
         """Return the angle of the wheels for a bend."""

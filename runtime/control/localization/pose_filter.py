@@ -1,10 +1,10 @@
 """A pose on a map and what is learnt of the car's errors: predicted by wheels and steering, corrected by each scan.
 
-Six states: x [m], y [m], yaw [rad] of the rear axle on the map; its turn [rad/s]; true way over reported way; and the
-slip of the rear axle [s2/m], which moves aside by slip * speed^2 * turn. The turn follows the steering as a car with
-inertia and tyres does; that the steering is trimmed wrongly matters little, since each scan tells the turn. A scan is
-laid over the map by at most STEPS Gauss-Newton steps with the prediction as prior; what that moves the pose by moves
-the other states with it.
+Seven states: x [m], y [m], yaw [rad] of the rear axle on the map; its turn [rad/s]; true way over reported way; the
+slip of the rear axle [s2/m], which moves aside by slip * speed^2 * turn; and the angle [rad] by which the wheels turn
+the car more to the left than the steering says, by trim and tyres. The turn follows the wheels as a car with inertia
+does. A scan is laid over the map by at most STEPS Gauss-Newton steps with the prediction as prior; what that moves the
+pose by moves the other states with it.
 """
 
 import cmath
@@ -45,6 +45,8 @@ SLIDES_SHARE: Final = 0.35
 SCALE_STD, SLIP_S2PM, SLIP_STD_S2PM = 0.02, 0.028, 0.01
 SCALE_WALK, SLIP_WALK_S2PM = 1e-4, 1e-4
 """Standard deviations of the car's errors at first, and by how much they change from scan to scan."""
+LEAN_STD_RAD, LEAN_WALK_RAD = 0.03, 0.005
+"""The same of the steering, whose error changes from bend to bend. Left out, it leans the turn, and that the slip."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,13 +84,13 @@ class Fit:
 
 
 class PoseFilter:
-    """The pose of the rear axle on a map, `state` (6,) with its `covariance` (6, 6)."""
+    """The pose of the rear axle on a map, `state` (7,) with its `covariance` (7, 7)."""
 
     def __init__(self, field: LineField, wheelbase_m: float, scale: float = 1.0) -> None:
         self._field = field
         self._wheelbase_m = wheelbase_m
-        self.state = np.array([0.0, 0.0, 0.0, 0.0, scale, SLIP_S2PM])
-        self.covariance = np.diag([0.0, 0.0, 0.0, 0.0, SCALE_STD**2, SLIP_STD_S2PM**2])
+        self.state = np.array([0.0, 0.0, 0.0, 0.0, scale, SLIP_S2PM, 0.0])
+        self.covariance = np.diag([0.0, 0.0, 0.0, 0.0, SCALE_STD**2, SLIP_STD_S2PM**2, LEAN_STD_RAD**2])
 
     @property
     def scale(self) -> float:
@@ -103,7 +105,7 @@ class PoseFilter:
 
     def speeds(self, step: WheelStep) -> tuple[float, float, float]:
         """Return the speed ahead [m/s], the one to the left, and the turn [rad/s] that are expected of a step."""
-        _, turn_radps, scale, slip = self.state[2:].tolist()
+        _, turn_radps, scale, slip, _ = self.state[2:].tolist()
         ahead_mps = scale * step.speed_mps
         asked_radps, follows = self._asked(step)
         turn_radps += 0.5 * follows * (asked_radps - turn_radps)
@@ -113,12 +115,13 @@ class PoseFilter:
         """Return the turn that the steering asks for [rad/s], and by which share the car follows within the step."""
         if step.steering_rad is None:
             return float(self.state[3]), 0.0
-        asked_radps = float(self.state[4]) * step.speed_mps * math.tan(step.steering_rad) / self._wheelbase_m
+        steering_rad = step.steering_rad + float(self.state[6])
+        asked_radps = float(self.state[4]) * step.speed_mps * math.tan(steering_rad) / self._wheelbase_m
         return asked_radps, 1.0 - math.exp(-step.since_s / TURN_LAG_S)
 
     def predict(self, step: WheelStep) -> None:
         """Move the pose by what wheels and steering say."""
-        yaw_rad, turn_radps, scale, slip = self.state[2:].tolist()
+        yaw_rad, turn_radps, scale, slip, _ = self.state[2:].tolist()
         asked_radps, follows = self._asked(step)
         change_radps = follows * (asked_radps - turn_radps)
         way_m, speed2 = scale * step.way_m, (scale * step.speed_mps) ** 2
@@ -128,10 +131,11 @@ class PoseFilter:
         dx_m, dy_m = cos * way_m - sin * aside_m, sin * way_m + cos * aside_m
         self.state[:4] += (dx_m, dy_m, turn_rad, change_radps)
         by_turn = (1.0 - 0.5 * follows) * step.since_s
-        moves = np.eye(6)
+        by_lean = follows * scale * step.speed_mps / self._wheelbase_m
+        moves = np.eye(7)
         moves[0, 2], moves[1, 2] = -dy_m, dx_m
         moves[0, 3], moves[1, 3], moves[2, 3] = -0.5 * by_turn * dy_m, 0.5 * by_turn * dx_m, by_turn
-        moves[3, 3] = 1.0 - follows
+        moves[3, 3], moves[2, 6], moves[3, 6] = 1.0 - follows, 0.5 * by_lean * step.since_s, by_lean
         moves[0, 4], moves[1, 4] = dx_m / scale, dy_m / scale
         moves[0, 5], moves[1, 5] = sin * speed2 * turn_rad, -cos * speed2 * turn_rad
         self.covariance = moves @ self.covariance @ moves.T
@@ -151,6 +155,7 @@ class PoseFilter:
             covariance[3, 3] += TURN_STD_RADPS**2 + (TURN_SHARE * change_radps) ** 2
             covariance[4, 4] += SCALE_WALK**2
             covariance[5, 5] += SLIP_WALK_S2PM**2
+            covariance[6, 6] += LEAN_WALK_RAD**2
 
     def correct(self, points: ScanPoints) -> Fit:
         """Lay a scan over the map, and return how it fits."""

@@ -151,6 +151,8 @@ def test_a_scan_reads_as_the_driver_would():
     assert scan.ranges_m[3] == np.float32(1.234)
     assert (scan.angle_min_rad, scan.sequence, scan.stamp_s) == (math.radians(-135), 7, 1.5)
     assert scan.angle_step_rad == pytest.approx(math.radians(54))
+    assert 5 * scan.ray_s == pytest.approx(0.01875), "its beams were measured one after the other"
+    assert as_scan(reported, LidarSettings(beams=6, motion_skew=False), 1.5, 7).ray_s == 0.0
 
 
 def test_a_right_hand_run_is_the_mirror_of_the_left_hand_one():

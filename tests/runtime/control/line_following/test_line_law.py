@@ -51,6 +51,24 @@ def test_steering_and_turn_are_each_others_inverse():
         assert TYRES.turn_radps(wheels_rad, speed, 0.2 * speed) == pytest.approx(0.2 * speed)
 
 
+def test_braking_in_a_bend_slips_the_rear_more_and_needs_less_steering_than_driving_on():
+    brakes, drives = TYRES.pulling(-2.0), TYRES.pulling(2.0)
+    assert brakes.rear_slip_rad(4.2) == pytest.approx(0.122, abs=0.008), "as the simulated car needs"
+    assert drives.rear_slip_rad(4.2) == pytest.approx(0.091, abs=0.008)
+    assert brakes.understeer_rad(4.2) == pytest.approx(-0.006, abs=0.003)
+    assert drives.understeer_rad(4.2) == pytest.approx(0.034, abs=0.008)
+    assert TYRES.pulling(0.0) == TYRES
+
+
+def test_a_correction_steers_as_much_while_the_car_brakes():
+    def answered(aside_m, pulled):
+        car = beside(aside_m=aside_m)
+        return steering_rad(car, WIDE, WIDE.nearest(car.place_m), TYRES, pulled)
+
+    braked, free = (answered(0.2, tyres) - answered(0.0, tyres) for tyres in (TYRES.pulling(-3.0), TYRES))
+    assert braked == pytest.approx(free, abs=0.002)
+
+
 def test_a_tyre_slips_more_than_in_proportion_and_never_without_end():
     grip_mps2 = 0.8 * GRAVITY_MPS2
     assert slip_rad(0.1 * grip_mps2, 5.0, 0.8) == pytest.approx(0.02, abs=1e-5)

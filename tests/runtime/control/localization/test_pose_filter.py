@@ -61,6 +61,16 @@ def test_people_over_half_of_the_view_do_not_move_the_pose(ringed):
     assert 0.5 < fit.share < 0.9
 
 
+def test_a_steering_that_is_trimmed_wrongly_does_not_lean_the_turn(ringed):
+    room, field = ringed
+    filter_, turns = placed(field, (1.0, 0.0, 0.0)), []
+    for step in range(1, 91):
+        filter_.predict(WheelStep(0.025, 0.075, 3.0, -0.06))
+        filter_.correct(points(room, (1.0 + 0.075 * step, 0.0, 0.0)))
+        turns.append(float(filter_.state[3]))
+    assert np.mean(turns[60:]) == pytest.approx(0.0, abs=0.03)
+
+
 def test_a_corridor_tells_nothing_along_itself_and_the_doubt_grows_with_the_way(long_one):
     room, field = long_one
     pose = (10.0, 0.1, 0.02)
