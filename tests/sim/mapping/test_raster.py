@@ -33,7 +33,6 @@ def test_of_people_that_walked_by_no_trace_remains():
     person = type(with_person)(
         with_person.time_s, with_person.odometry, points_m,
         type(with_person.surface)(with_person.surface.points_m, with_person.surface.normals, np.zeros(KIND[2], bool)),
-        with_person.middles_m,
     )  # fmt: skip
     once = rasterized([person], np.zeros((1, 3)), KIND[1])
     assert once.wall[cell(once, 1.52, 0.02)]
