@@ -157,6 +157,7 @@ class SmallCar:
                 if trial.connect_ex(("127.0.0.1", self.port)) == 0:
                     return
             time.sleep(0.05)
+        self.stop()  # else whichever test comes next is told of it
         raise AssertionError((self.folder / "sshd.log").read_text())
 
     def stop(self):
