@@ -1,7 +1,7 @@
 """Keyframes laid over each other, many pairs at once: what a pair tells, and what the scene hides.
 
 The matching is that of the calibration (`scan_motion.lay_over`: point to line, by the bearing of the points), in arrays
-of pairs, in a sixth of the time.
+of pairs: one by one they take most of a map's time.
 """
 
 from collections.abc import Sequence
