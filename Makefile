@@ -10,6 +10,9 @@ BYTECODE := .venv/.bytecode
 export PYTHONDONTWRITEBYTECODE :=
 # Tests with processes and browsers mostly wait: more of them at a time than there are cores, but six starve each other.
 PYTEST := $(BIN)/pytest -q -rfER -n 4 --dist worksteal
+# A full computer stops a test in real time, and the fullest one is this one: what failed is tried again, alone on it.
+AGAIN = { [ $$? -eq 1 ] && echo "wallride: what failed runs once more, alone" && \
+  $(BIN)/pytest -q -rfER --last-failed --last-failed-no-failures none --maxfail 5
 
 .PHONY: sim race test test-all check kernel fuzz format book clean
 
@@ -33,10 +36,10 @@ $(RACE)/lap.line.csv: | $(KERNEL)
 
 # All that stops the car, without what is slow by nature (tests/tiers.py); test-all has that too.
 test: $(KERNEL) $(BYTECODE)
-	$(PYTEST) --quick $(ARGS)
+	$(PYTEST) --quick $(ARGS) || $(AGAIN) --quick $(ARGS); }
 
 test-all: $(KERNEL) $(BYTECODE)
-	$(PYTEST) $(ARGS)
+	$(PYTEST) $(ARGS) || $(AGAIN) $(ARGS); }
 
 check: $(READY)
 	$(BIN)/ruff format --check .

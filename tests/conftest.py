@@ -1,4 +1,4 @@
-"""What every test has: own folders, laws in Python, a limit that holds; where it runs in real time, three reruns."""
+"""What every test has: own folders, laws in Python, a limit that holds; where it runs in real time, a rerun."""
 
 import gc
 import os
@@ -51,7 +51,7 @@ WHOLE_DRIVES = (
     "runtime/control/perception/test_own_parts.py", "runtime/control/perception/test_plausibility.py",
 )  # fmt: skip
 """Among them, those that drive for long: in C, which tests/runtime/kernel holds to the same answers."""
-RERUNS = int(os.environ.get("WALLRIDE_RERUNS", "3"))
+RERUNS = int(os.environ.get("WALLRIDE_RERUNS", "1"))
 
 
 @pytest.hookimpl(wrapper=True)

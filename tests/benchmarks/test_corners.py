@@ -79,22 +79,41 @@ def test_two_laws_are_compared_on_the_same_courses_and_a_contact_is_never_better
     assert "held out" in {line[0] for line in corners.tables(rows)[-1].rows}
 
 
-def test_every_run_is_of_the_named_car_and_on_the_maps_of_the_folder(tmp_path):
+@pytest.fixture
+def hall(tmp_path):
+    """A map, alone in its folder."""
     Image.new("L", (40, 40), 254).save(tmp_path / "hall.png")
     (file := tmp_path / "hall.yaml").write_text(
         "image: hall.png\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
     )
-    asked = ["--condition", "vehicle.trim_rad=0.03", "--speeds", "2", "--quick", "--maps", str(tmp_path)]
+    return file
+
+
+def test_every_run_is_of_the_named_car_and_on_the_maps_of_the_folder(hall):
+    asked = ["--condition", "vehicle.trim_rad=0.03", "--speeds", "2", "--quick", "--maps", str(hall.parent)]
     choice = chosen(parsed(["corners", *asked]))
-    assert choice.maps == (str(file),)
+    assert choice.maps == (str(hall),)
     cells = corners.cells(choice)
     assert {one.conditions for one in cells} == {("vehicle.trim_rad=0.03",)}
     assert corners.run(cells[0]).case.vehicle.trim_rad == 0.03
 
 
-def test_the_command_writes_the_figures_and_a_picture_of_every_run(tmp_path, capsys):
+def test_the_command_writes_the_figures_and_a_picture_of_every_run(tmp_path, hall, capsys):
     file, plots = tmp_path / "figures.json", tmp_path / "pictures"
-    asked = ["--only", "in 60 deg? 2 m", "--speeds", "3", "--mu", ".8", "--side", "left", "--jobs", "1"]
+    asked = [
+        "--only",
+        "in 60 deg? 2 m",
+        "--speeds",
+        "3",
+        "--mu",
+        ".8",
+        "--side",
+        "left",
+        "--jobs",
+        "1",
+        "--maps",
+        str(hall.parent),
+    ]
     assert run(parsed(["corners", *asked, "--json", str(file), "--plot", str(plots)])) == 0
     (one,) = json.loads(file.read_text())["cells"]
     assert one["scenario"] == "in 60 deg, 2 m"

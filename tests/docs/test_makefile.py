@@ -4,6 +4,8 @@ import os
 import subprocess
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 LINE = "build/race/lap.line.csv"
 # `make test ARGS=...` hands its own options down to each make that a test starts.
@@ -33,8 +35,28 @@ def test_what_the_two_commands_do_once_all_is_set_up():
     }  # fmt: skip
     assert recipes["sim"] == [".venv/bin/wallride sim "]
     assert recipes["race"] == [".venv/bin/wallride sim --race build/race/lap.yaml --laps 10 "]
-    assert recipes["test"] == [".venv/bin/pytest -q -rfER -n 4 --dist worksteal --quick "]
+    assert recipes["test"][0].startswith(".venv/bin/pytest -q -rfER -n 4 --dist worksteal --quick  || {")
     assert recipes["check"][0] == ".venv/bin/ruff format --check ."
+
+
+@pytest.mark.parametrize(
+    ("codes", "calls", "fails"), [([0], 1, False), ([1, 0], 2, False), ([1, 1], 2, True), ([2], 1, True)]
+)
+def test_what_failed_among_others_runs_once_more_alone(tmp_path, codes, calls, fails):
+    """A `pytest` that ends with these codes: only failed tests are run again, and their second end counts."""
+    (fake := tmp_path / "pytest").write_text(
+        f'#!/bin/sh\necho "$@" >> {tmp_path}/calls\nset -- {" ".join(map(str, codes))}\n'
+        f"shift $(($(wc -l < {tmp_path}/calls) - 1))\nexit $1\n"
+    )
+    fake.chmod(0o755)
+    done = [word for name in ("ready", "kernel", "bytecode") for word in ("-o", f".venv/.{name}")]
+    ended = subprocess.run(["make", "-s", *done, f"BIN={tmp_path}", "test"], cwd=ROOT, env=BARE, check=False)
+    called = (tmp_path / "calls").read_text().splitlines()
+    assert (len(called), ended.returncode != 0) == (calls, fails)
+    assert ["--last-failed" in line for line in called] == [False, True][:calls]
+    assert all("--quick" in line for line in called)
+    assert "-n 4" in called[0]
+    assert not any("-n" in line.split() for line in called[1:])
 
 
 def test_a_race_drives_and_maps_a_lap_first_and_only_once(tmp_path):

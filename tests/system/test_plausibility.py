@@ -65,7 +65,7 @@ def memory_kb(car: Bench) -> int:
     return int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1])
 
 
-@pytest.mark.parametrize("erpm", [10**6, 2**31 - 1, *slow(10**7)])
+@pytest.mark.parametrize("erpm", [10**6, 2**31 - 1])
 async def test_an_impossible_speed_is_a_brake_no_hang_and_no_memory(tmp_path, erpm):
     async with bench(tmp_path, "safety.method=swept", "safety.backs_out=false") as car:
         await car.until_driving()

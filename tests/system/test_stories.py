@@ -291,7 +291,7 @@ def test_with_the_default_laws_the_story_ends_as_it_should(name):
 
 
 def test_laps_are_driven_at_the_wall_and_repeat_to_the_last_bit():
-    story = replace(STORIES["laps of the loop"], lasts_s=6.0)
+    story = replace(STORIES["laps of the loop"], lasts_s=4.5)
     first, second = tell(story), tell(story)
     assert first.pose == second.pose
     assert first.wire == second.wire

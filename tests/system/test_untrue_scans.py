@@ -108,7 +108,6 @@ NAMED_OF = {
     [
         *((kind, "swept") for kind in (*NAMED_OF, "far_ahead", "far", "nine", "random", "random_ahead")),
         *(("noisy", "report"), ("far_ahead", "report")),
-        *slow(*((kind, "report") for kind in ("flickering", "looped", "far", "nine", "random", "random_ahead"))),
     ],
 )
 def test_a_lidar_that_stops_telling_the_truth_is_named_and_the_car_stands_within_half_a_metre(kind, method):
@@ -145,7 +144,7 @@ class Blanked:
 
 @pytest.mark.parametrize(
     ("word", "within_rad"),
-    [("a1", math.pi / 4), ("x2", math.tau), *slow(("a1", math.tau), ("x2", math.pi / 4))],
+    [("a1", math.pi / 4), ("x2", math.tau)],
 )
 def test_a_blank_of_a_lidar_with_fewer_beams_stops_the_car_too(word, within_rad):
     settings = load_settings(None, ["wall_follow.speed_mps=1.0"])
@@ -176,9 +175,7 @@ def drive_by(word, world, seed, duration_s=7.0, beams=ROUGH_BEAMS):
     return drive(case, laws, laws)
 
 
-@pytest.mark.parametrize(
-    ("word", "world"), [("a1", "loop"), ("x2", "u_turn"), *slow(("x4", "cluttered"), ("c1", "loop"))]
-)
+@pytest.mark.parametrize(("word", "world"), [("a1", "loop"), ("x2", "u_turn")])
 def test_a_slow_lidar_that_shows_its_last_turn_again_with_a_noise_of_its_own_stops_the_car(word, world, monkeypatch):
     monkeypatch.setattr(turning_sensor, "TurningHead", StoredTurns)
     done = drive_by(word, world, 3, beams=LidarSettings(noise_std_m=0.01))
@@ -196,20 +193,21 @@ def test_a_slow_lidar_that_measures_again_is_believed_again(monkeypatch):
     assert done.speed_mps[-1, 0] > 0.8
 
 
-@pytest.mark.parametrize("word", ["a1", *slow("x2", "c1")])
-@pytest.mark.parametrize("world", ["corridor", *slow("doorway", "cluttered")])
+@pytest.mark.parametrize(("word", "world"), [("a1", "corridor"), *slow(("c1", "doorway"), ("x2", "cluttered"))])
 def test_a_slow_lidar_that_tells_the_truth_is_never_doubted(word, world):
     assert not NAMED & set(drive_by(word, world, 4).reasons)
 
 
-@pytest.mark.parametrize("world", ["dead_end", "corridor", *slow("loop", "doorway", "cluttered")])
-@pytest.mark.parametrize("speed_mps", [1.0, 3.0])
+@pytest.mark.parametrize(
+    ("world", "speed_mps"),
+    [("dead_end", 1.0), ("corridor", 3.0), *slow(("loop", 1.0), ("doorway", 3.0), ("cluttered", 3.0))],
+)
 def test_a_lidar_that_tells_the_truth_is_never_doubted(world, speed_mps):
     done, _ = tell("noisy", world, f"wall_follow.speed_mps={speed_mps}", from_s=math.inf)
     assert not NAMED & set(done.reasons)
 
 
-@pytest.mark.parametrize("seed", [1, *slow(3)])
+@pytest.mark.parametrize("seed", [1])
 def test_a_slow_lidar_in_a_corridor_that_tells_the_truth_is_no_doubt_of_the_motor(seed):
     settings = load_settings(None, ["wall_follow.speed_mps=1.0"])
     laws = LiveLaws(settings.wall_follow, settings.safety, settings.car)
@@ -228,11 +226,10 @@ def test_what_bends_leave_in_the_scans_of_a_slow_lidar_is_no_doubt_of_the_motor(
     [
         *(("dead_end", 90.0, True), ("dead_end", -90.0, False), ("dead_end", 60.0, True)),
         *(("curved", 90.0, False), ("curved", -90.0, True), ("curved", 60.0, False)),
-        *slow(*(
-            (world, yaw_deg, is_configured)
-            for world in ("loop", "cluttered", "corridor", "doorway") for yaw_deg in (90.0, -90.0, 60.0)
-            for is_configured in (True, False)
-        )),
+        *slow(
+            ("loop", -90.0, True), ("cluttered", 60.0, False), ("corridor", 90.0, False), ("corridor", -90.0, True),
+            ("doorway", 60.0, False),
+        ),
     ],
 )  # fmt: skip
 def test_a_lidar_turned_on_the_car_or_in_the_settings_stops_it_for_good_before_a_contact(world, yaw_deg, is_configured):

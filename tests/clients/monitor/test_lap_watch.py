@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tests.sim.replay.recorded import record
-from tests.tiers import slow
 from wallride.clients.monitor.lap_watch import ALIKE_M, JUMP_M, LAP_M, SECTORS, LapWatch, differences, profile
 from wallride.drivers.api import Scan
 from wallride.runtime.ros import messages
@@ -30,7 +29,7 @@ def watched(path, **drive):
     return watch, closed_m
 
 
-@pytest.mark.parametrize("speed_mps", [4.0, *slow(2.0)])
+@pytest.mark.parametrize("speed_mps", [4.0])
 def test_a_lap_that_goes_on_past_its_beginning_and_a_corner_is_closed(tmp_path, speed_mps):
     sections = {"wall_follow": {"speed_mps": speed_mps}}
     watch, closed_m = watched(tmp_path / "lap.mcap", seconds=60.0 / speed_mps, sections=sections)

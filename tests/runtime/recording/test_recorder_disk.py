@@ -234,8 +234,8 @@ async def test_an_open_recording_and_black_box_that_another_program_takes_begin_
 async def test_starts_and_stops_in_quick_turn_go_into_one_file_and_nothing_is_written_twice(tmp_path):
     drive = Drive(tmp_path, start="request")
     drive.permit()
-    await drive.go(20)
-    for turn in range(40):
+    await drive.go(8)
+    for turn in range(20):
         drive.recorder.request(on=turn % 2 == 0)
         await drive.go(0.1)
     await drive.go(HOLD_S + 0.2)
@@ -247,7 +247,7 @@ async def test_starts_and_stops_in_quick_turn_go_into_one_file_and_nothing_is_wr
     assert sorted({*scans[0], *scans[1]}) == sorted([*scans[0], *scans[1]])
     assert [*scans[0], *scans[1]] == list(range(scans[1][-1] + 1)), "none is missing, either"
     assert len(drive.scans) - scans[1][-1] > 10, "after the last stop it does not go on"
-    await drive.go(40)
+    await drive.go(31)
     drive.recorder.request(on=True)
     await drive.go(1)
     assert metadata(recordings(tmp_path)[-1].read_bytes())["continues"] == "", "too late to go on"

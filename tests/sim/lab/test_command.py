@@ -22,8 +22,6 @@ from wallride.sim.lab.courses.sudden import BOXES, PLACES
 from wallride.sim.lab.courses.walls import ALL_COURSES
 from wallride.sim.lab.laws import GUARD_OF, build, check
 
-MAPS = Path(__file__).resolve().parents[3] / ".." / "shared" / "data" / "maps"
-
 
 def options(*arguments):
     parser = argparse.ArgumentParser()
@@ -33,16 +31,14 @@ def options(*arguments):
 
 def test_walls_json_has_every_cell(tmp_path, capsys):
     file = tmp_path / "walls.json"
-    asked = ["--quick", "--method", "report", "--speeds", "4", "--mu", ".8,.5", "--side", "left,right", "--seeds", "2"]
+    asked = ["--quick", "--method", "report", "--speeds", "4", "--mu", ".8,.5", "--side", "left,right", "--seeds", "1"]
     assert run(options("walls", *asked, "--jobs", "1", "--json", str(file))) == 0
     summary = json.loads(file.read_text())
     names = [
         tuple(cell[name] for name in ("scenario", "law", "speed_mps", "mu", "side", "seed"))
         for cell in summary["cells"]
     ]
-    wanted = itertools.product(
-        walls.QUICK_COURSES, ["report+report"], [4.0], [0.8, 0.5], ["left", "right"], [1000, 1001]
-    )
+    wanted = itertools.product(walls.QUICK_COURSES, ["report+report"], [4.0], [0.8, 0.5], ["left", "right"], [1000])
     assert sorted(names) == sorted(wanted)
     figures = {"mean_error_m", "rms_error_m", "settle_s", "overshoot_m", "collided", "limit_m", "safety_stops"}
     assert all(figures <= set(cell) for cell in summary["cells"])
@@ -211,20 +207,6 @@ def test_a_lap_is_timed():
     assert done["laps"] == laps.LAPS
     assert 10.0 < done["best_lap_s"] < 20.0
     assert done["lap_times_s"][0] > done["best_lap_s"]
-
-
-def test_narrow_levine_is_lapped_at_the_distance_that_leads_round_it():
-    if not MAPS.is_dir():
-        pytest.skip("the shared maps are not there")
-    course = Cell("laps", str(MAPS / "levine.yaml"), check("ball"), 2.0, 0.8, "right", 0)
-    done = course.named(laps.measure(course))
-    assert done["desired_m"] == 0.8
-    assert done["distance_m"] > 110.0
-    assert not done["collided"]
-    assert not done["stopped_for_good"]
-    assert done["mean_error_m"] < 0.05
-    (table,) = laps.tables([done])
-    assert table.rows[0][:2] == ("levine, 0.8 m", "right")
 
 
 def test_cells_go_slowest_first():

@@ -17,8 +17,8 @@ from wallride.sim.world.segments import SegmentGeometry
 from wallride.sim.world.worlds import load_world
 from wallride.sim_options import LIDARS
 
-SLOW = ("a1", "a2", "a3", "c1", "s2", "s3", "x4", "x2", "g4", "g6")
-"""One of each stream and rate; `benchmarks/lidars.py` drives all."""
+SLOW = "a1", "s3", "x2"
+"""A legacy stream, a dense one, a YDLIDAR; `benchmarks/lidars.py` drives all."""
 
 
 def drive_with(word: str, world: str, speed_mps: float, **conditions: Any) -> SimulatedRun:
@@ -56,13 +56,13 @@ def test_each_follows_the_walls_of_the_loop(word, usual):
     assert not [stop for stop in run.stops if stop.from_s > 1.0]
 
 
-@pytest.mark.parametrize(("word", "speed_mps"), [("a2", 2.0), ("x2", 1.2)])
+@pytest.mark.parametrize(("word", "speed_mps"), [("x2", 1.2)])
 def test_at_the_speed_that_it_allows_it_follows_the_walls_nearly_as_well(word, speed_mps):
     run, usual = (drive_with(one, "loop", speed_mps, duration_s=20.0, seed=4500011) for one in (word, ""))
     assert mean_error_m(run) < 1.5 * mean_error_m(usual)
 
 
-@pytest.mark.parametrize("word", ["a2", "x4"])
+@pytest.mark.parametrize("word", ["x4"])
 def test_a_box_in_the_way_is_a_stop(word):
     box = Obstacle(Box(0.3, 0.6), StandingObstacle(Pose(7.0, 0.0, 0.0)))
     run = drive_with(word, "corridor", 1.5, obstacles=(box,))
@@ -70,15 +70,14 @@ def test_a_box_in_the_way_is_a_stop(word):
     assert run.speed_mps[-1, 0] < 0.1
 
 
-@pytest.mark.parametrize("word", ["a2", "x4"])
+@pytest.mark.parametrize("word", ["a2"])
 def test_missing_returns_are_driven_with(word):
     run = drive_with(word, "corridor", 1.0, lidar=LidarSettings(noise_std_m=0.01, dropout_share=0.3))
     assert run.contact is None
     assert run.distance_m > 8.0
 
 
-@pytest.mark.parametrize("word", ["x4", "a1", "c1", "s2", "g4"])
-@pytest.mark.parametrize(("missing_share", "drives"), [(0.3, True), (1.0, False)])
+@pytest.mark.parametrize(("word", "missing_share", "drives"), [("x4", 0.3, True), ("c1", 1.0, False)])
 def test_in_a_hall_a_third_may_be_missing_and_a_covered_one_stops(word, missing_share, drives):
     corners = np.array([[-10.0, -7.0], [10.0, -7.0], [10.0, 7.0], [-10.0, 7.0]])
     hall = World("", SegmentGeometry(np.hstack([corners, np.roll(corners, -1, axis=0)])), Pose(-8.0, 6.0, 0.0))

@@ -192,7 +192,7 @@ def soak(
 
 
 def suffer(
-    fault: str = "", *, begins_s: float = 4.0, lasts_s: float = 2.0, runs_s: float = 8.0,
+    fault: str = "", *, begins_s: float = 3.5, lasts_s: float = 2.0, runs_s: float = 7.5,
     prepare: Callable[[VirtualSoak], None] = lambda _soak: None,
 ) -> Findings:  # fmt: skip
     """Drive with at most this one fault. prepare: changes the soak before it begins."""

@@ -21,7 +21,7 @@ from wallride.sim.world.pose import Pose
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("turned_rad", "seed"), [(math.pi, 910001), (2.0, 910002), (-1.5, 910003)])
+@pytest.mark.parametrize(("turned_rad", "seed"), [(2.0, 910002)])
 def test_it_turns_back_and_drives_on_along_the_line(turned_rad, seed):
     room = ring(BOXES)
     start, field, line = (6.0, 0.1, turned_rad), field_of_cells(room.cells), round_the_block()
