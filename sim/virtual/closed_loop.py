@@ -2,6 +2,7 @@
 
 Time goes in steps of 2.5 ms. Every revolution of the lidar yields one scan; follower, guard, `arbitrate` and the
 `Limiter` process it as the tasks of the runtime would, and their command is on the motor's wire `latency_s` later.
+Between the scans of a slow lidar the commands are judged again, as the mux does in silence: the scan grows older.
 Nothing reads a clock: the same case gives the same run, bit by bit.
 """
 
@@ -25,14 +26,17 @@ from wallride.runtime.arbitration.command import (
 )
 from wallride.runtime.control.guidance import Follower, Guard
 from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.runtime.control.safety.swept import SweptGuard
 from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.settings.tree import MuxSettings
+from wallride.runtime.tasks.mux import SILENT_AFTER_PERIODS
 from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, DelayLine, Demand, SpeedDemand, Vehicle, VehicleSettings
 from wallride.sim.car.wiring import WiringConversion
 from wallride.sim.virtual.turning_sensor import TurningSensor
 from wallride.sim.world.beams import LidarSettings, Millimetres, scan
 from wallride.sim.world.obstacles import Obstacle, ObstacleWorld
-from wallride.sim.world.place import Surroundings, World
-from wallride.sim.world.pose import CAR, Floats, Pose, Side, side_sign
+from wallride.sim.world.place import Surroundings, World, wall_distances_m
+from wallride.sim.world.pose import CAR, Floats, Pose, Side
 
 STEP_S = 0.0025
 RANGE_MIN_M, RANGE_MAX_M = 0.02, 30.0
@@ -47,9 +51,8 @@ _ORDER = (Source.ESTOP, Source.SAFETY, Source.TELEOP, Source.PERMIT, Source.NAVI
 FULL_BRAKE_MPS2 = _WIRING.brake_current_a * _VEHICLE.brake_mps2_per_a + _VEHICLE.drag_mps2
 """Deceleration of the driver's full brake current and the drag on a floor with enough grip: 8.9 m/s2."""
 _POLL_S = 1.0 / _WIRING.poll_hz
+_TICK_S = 1.0 / MuxSettings().tick_hz
 _STANDING_BELOW_MPS = 0.05
-_TRUTH_BEARINGS_RAD = np.radians(np.linspace(30.0, 150.0, 121))  # every degree: 4e-5 too far at most
-_TRUTH_POSES_AT_ONCE = 9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -240,7 +243,10 @@ class _Rig:
         self._turning = (
             TurningSensor(case.turning, case.lidar, car, lambda: self._motor, self._rng) if case.turning else None
         )
-        self._answered_s = 0.0
+        self._now_s = self._answered_s = self._decided_s = 0.0
+        if self._turning is not None and isinstance(guard, SweptGuard):
+            guard.clock = lambda: self._now_s
+        self._words: list[QueueEntry] = []
         self._polled_s = -math.inf
         self._free_m = 0.0  # free way of the car before a contact is possible
         self._log = _Log()
@@ -264,13 +270,14 @@ class _Rig:
         step, scans = 0, 0
         last = round(case.duration_s / STEP_S)
         while step <= last and self._contact is None and self._distance_m < case.distance_m:
-            now_s = step * STEP_S
+            now_s = self._now_s = step * STEP_S
             self._poll(now_s)
             if self._turning is not None:
                 self._scene.update(now_s, vehicle.pose, vehicle.speed_mps)
                 self._free_m = self._seen.clearance(vehicle.pose)
                 for sweep in self._turning.measure(now_s, self._seen, vehicle.pose):
                     self._decide(now_s, sweep)
+                self._tick(now_s)
             elif now_s >= scans * period_s - STEP_S / 2:
                 self._scene.update(now_s, vehicle.pose, vehicle.speed_mps)
                 self._free_m = self._seen.clearance(vehicle.pose)
@@ -291,19 +298,12 @@ class _Rig:
         steps_m = 10.0 / gain
         wiring, steering_rad = self._case.wiring, self._wire.at(now_s)[1]
         share = 1.0 if wiring is None else wiring.speed_share
+        told_rad = steering_rad if wiring is None else wiring.allowed_rad(steering_rad)
         self._motor = MotorState(
-            now_s,
-            round(vehicle.wheel_speed_mps / share * gain) / gain,
-            math.floor(vehicle.wheel_travel_m / share / steps_m) * steps_m,
-            steering_rad if wiring is None else wiring.allowed_rad(steering_rad),
-            11.1,
-            vehicle.motor_current_a,
-            0.0,
-            30.0,
-            "",
-            timed_out=False,
-            killed=False,
-        )
+            now_s, round(vehicle.wheel_speed_mps / share * gain) / gain,
+            math.floor(vehicle.wheel_travel_m / share / steps_m) * steps_m, told_rad, 11.1,
+            vehicle.motor_current_a, 0.0, 30.0, "", timed_out=False, killed=False,
+        )  # fmt: skip
 
     def _answer(self, now_s: float, sequence: int) -> None:
         """Take one scan with the beams of `lidar`, and decide."""
@@ -319,22 +319,17 @@ class _Rig:
         assessment = self._guard.look(sweep, self._motor) if self._guard is not None else _CONSENT
         guidance = self._follower.follow(sweep, self._motor)
         wish = guidance.drive or Drive(0.0, 0.0)
-        words: list[QueueEntry] = [
+        self._words = [
             SpeedLimit(Source.SAFETY, assessment, now_s),
             DriveCommand(
                 case.driver, wish, None if case.driver is Source.TELEOP else now_s, guidance.reason, guidance.stuck,
                 guidance.promise,
             ),
         ]  # fmt: skip
-        decision, memories = arbitrate(words, frozenset({Source.SAFETY}), _ORDER)
-        for judge, memory in memories:
-            judge.commit(memory)
-        period_s = 1.0 / case.lidar.rate_hz if self._turning is None else now_s - self._answered_s
+        period_s = 1.0 / case.lidar.rate_hz if self._turning is None else now_s - self._decided_s
+        decision, told = self._arbitrate(now_s, period_s)
         self._answered_s = now_s
-        told = self._limiter.limit(decision.speed_mps, decision.steering_rad, period_s, decision.brake_mps2)
-        demand = self._demand(told)
-        self._wire.put(now_s, (demand, told.steering_rad))
-        stop = isinstance(demand, BrakeDemand)
+        stop = isinstance(self._demand(told), BrakeDemand)
         self._log.decision(now_s, vehicle.speed_mps, decision, stop=stop)
         self._log.rows.append(
             (
@@ -343,6 +338,23 @@ class _Rig:
                 decision.winner is Source.SAFETY, self._free_m, self._scene.appeared,
             )
         )  # fmt: skip
+
+    def _tick(self, now_s: float) -> None:
+        """Judge the commands in force again in the silence between two scans, at the mux's rate (`SilenceTick`)."""
+        since_s = now_s - self._decided_s
+        silent = now_s - self._answered_s >= SILENT_AFTER_PERIODS * _TICK_S - STEP_S / 2
+        if self._words and silent and since_s >= _TICK_S - STEP_S / 2:
+            self._arbitrate(now_s, since_s)
+
+    def _arbitrate(self, now_s: float, since_s: float) -> tuple[Decision, Drive]:
+        """Decide on the commands in force; return the decision, and the drive that is on the wire from now on."""
+        decision, memories = arbitrate(self._words, frozenset({Source.SAFETY}), _ORDER)
+        for judge, memory in memories:
+            judge.commit(memory)
+        told = self._limiter.limit(decision.speed_mps, decision.steering_rad, since_s, decision.brake_mps2)
+        self._wire.put(now_s, (self._demand(told), told.steering_rad))
+        self._decided_s = now_s
+        return decision, told
 
     def _demand(self, told: Drive) -> Demand:
         """Return the driver's demand for a command: too slow, or against the motion, is a brake."""
@@ -386,15 +398,3 @@ class _Rig:
             wall_distances_m(truth, poses, self._case.side or self._case.world.side), table[:, 11], table[:, 12],
             self._distance_m, self._log.stops, self._contact, self._log.reasons,
         )  # fmt: skip
-
-
-def wall_distances_m(world: Surroundings, poses: Floats, side: Side) -> Floats:
-    """Return the true distance to the nearest wall on one side (30 to 150 degrees) for poses (n, 3), shape (n,)."""
-    aside = side_sign(side) * _TRUTH_BEARINGS_RAD
-    distances = np.empty(len(poses))
-    for first in range(0, len(poses), _TRUTH_POSES_AT_ONCE):
-        some = poses[first : first + _TRUTH_POSES_AT_ONCE]
-        x_m, y_m = np.repeat(some[:, 0], len(aside)), np.repeat(some[:, 1], len(aside))
-        ranges = world.cast(x_m, y_m, (some[:, 2:] + aside).ravel())
-        distances[first : first + len(some)] = ranges.reshape(len(some), -1).min(axis=1)
-    return distances

@@ -39,7 +39,7 @@ BOUND_SHARE = 0.6
 WIDE_M = 0.12
 """No bend runs so much wider than its swept way within a stopping distance."""
 LATER_S = 0.03
-"""Delay of a decision by one scan, with a small reserve."""
+"""Delay of a decision by one scan, with a small reserve; with a slow lidar its wait comes on top."""
 TURNS_ON_M = 0.2
 """Maximum lateral offset of a braking car's corners from its path, because it still rotates."""
 MAX_BRAKE_MPS2 = 2.0 * GRAVITY_MPS2
@@ -164,6 +164,7 @@ def _situation(strip: Strip, stamp_s: float, active: Outcome | None = None) -> E
         car.front_m,
         car.rear_m,
         car.half_width_m,
+        strip.view.waits_s,
     )
     grips_mps2 = body.grip_mps2, body.slippery_mps2
     way_m = stopping_distance_m(start.speed_mps, start.latency_s, body.slippery_mps2)
@@ -193,7 +194,7 @@ def _stops_later(strip: Strip) -> bool:
     Gives the same answer as the rollouts in a hundredth of their time: in most bends of a drive.
     """
     body, view = strip.body, strip.view
-    way_m = stopping_distance_m(strip.speed_mps, strip.latency_s + LATER_S, body.slippery_mps2)
+    way_m = stopping_distance_m(strip.speed_mps, strip.latency_s + LATER_S + view.waits_s, body.slippery_mps2)
     return not (
         strip.more_m.size or any_nearer(view.solid, view.ranges_m, body.reach_m + way_m + MARGIN_M + TURNS_ON_M)
     )
@@ -201,8 +202,8 @@ def _stops_later(strip: Strip) -> bool:
 
 def _passes_wide(strip: Strip, wish_rad: float) -> bool:
     """Whether nothing is within WIDE_M of the swept way as far as a stop takes: for a tenth of the rollouts' time."""
-    body = strip.body
-    way_m = stopping_distance_m(strip.speed_mps, strip.latency_s + LATER_S, body.slippery_mps2) + TURNS_ON_M
+    body, later_s = strip.body, strip.latency_s + LATER_S + strip.view.waits_s
+    way_m = stopping_distance_m(strip.speed_mps, later_s, body.slippery_mps2) + TURNS_ON_M
     return strip.passes(wish_rad, way_m, replace(body.ahead, half_width_m=body.ahead.half_width_m + WIDE_M))
 
 
@@ -221,6 +222,7 @@ def _is_last_moment(situation: EmergencyState, wish_rad: float, narrow_m: float 
         return False
     if not (brake.is_free or is_clearly_better(brake, turn)):
         return False
-    later = situation.start._replace(latency_s=situation.start.latency_s + LATER_S)
+    start = situation.start
+    later = start._replace(latency_s=start.latency_s + LATER_S + start.waits_s)
     (late_brake,) = replace(situation, start=later).predict([FULL_BRAKE])
     return not late_brake.is_free or late_brake.room_m < enough_m

@@ -32,7 +32,7 @@ HORIZON_STEPS = 100
 LOCK_STEPS = 6
 """Interval in steps at which the wheels may be locked."""
 MIN_TURN_S = 0.06
-"""Minimum duration of a turn before a full brake: the next scans choose again."""
+"""Minimum duration of a turn before a full brake: the next scans choose again, of a slow lidar later by its wait."""
 YAW_RESPONSE = 2.0
 """Square of half the wheelbase through that of the radius of gyration (f1tenth_gym: 2.16)."""
 FRONT_SHARE = 0.865
@@ -55,6 +55,7 @@ class RolloutStart(NamedTuple):
 
     speed_mps: forward, > 0. brake_mps2: deceleration until a new command takes effect, after latency_s.
     cornering_per_rad: C. The outline is the car's own: front_m, rear_m (backwards), half_width_m from the rear axle.
+    waits_s: how much longer than at 40 Hz the next scan takes.
     """
 
     speed_mps: float
@@ -66,6 +67,7 @@ class RolloutStart(NamedTuple):
     front_m: float
     rear_m: float
     half_width_m: float
+    waits_s: float = 0.0
 
 
 class State(NamedTuple):
@@ -121,8 +123,9 @@ def _check(
 ) -> None:
     """Raise ValueError for values that no car can have."""
     finite = all(bool(np.isfinite(values).all()) for values in (np.array(start), steering_rad, grip_mps2, *wheel_rad))
-    outlined = start.front_m + start.rear_m >= 0.0 and start.half_width_m >= 0.0 and start.brake_mps2 >= 0.0
-    positive = bool((grip_mps2 > 0.0).all() and (brake_mps2 >= 0.0).all()) and outlined
+    outlined = start.front_m + start.rear_m >= 0.0 and start.half_width_m >= 0.0
+    positive = outlined and start.brake_mps2 >= 0.0 and start.waits_s >= 0.0
+    positive = positive and bool((grip_mps2 > 0.0).all() and (brake_mps2 >= 0.0).all())
     if not (finite and positive) or steering_rad.size != brake_mps2.size or not 1 <= grip_mps2.size <= MAX_FLOORS:
         raise ValueError("roll_outs: finite numbers, a steering for every brake, and 1 to 4 floors are needed")
 
@@ -230,7 +233,8 @@ def _may_lock(start: RolloutStart, brake_mps2: float, step: int) -> bool:
     """Return whether the wheels may be locked at this step: by a full brake at once, else at intervals and the end."""
     if not math.isfinite(brake_mps2):
         return step * STEP_S >= start.latency_s or step == HORIZON_STEPS
-    return step == HORIZON_STEPS or (step % LOCK_STEPS == 0 and step * STEP_S >= start.latency_s + MIN_TURN_S)
+    first_s = start.latency_s + MIN_TURN_S + start.waits_s
+    return step == HORIZON_STEPS or (step % LOCK_STEPS == 0 and step * STEP_S >= first_s)
 
 
 def slide(

@@ -9,7 +9,7 @@ enum { STEPS = MANOEUVRE_ROLLOUT_HORIZON_STEPS, MAX_ENDS = STEPS / MANOEUVRE_ROL
 
 /* The car, in the order of RolloutStart. */
 struct car {
-    double speed, brake, latency, rate, wheelbase, cornering, front, rear, half;
+    double speed, brake, latency, rate, wheelbase, cornering, front, rear, half, waits;
 };
 
 /* The solid points, x and y apart, and room for as many distances. */
@@ -204,7 +204,7 @@ static int may_lock(const struct car *car, double brake, int step) {
     if (!isfinite(brake))
         return step * STEP >= car->latency || step == STEPS;
     return step == STEPS || (step % MANOEUVRE_ROLLOUT_LOCK_STEPS == 0 &&
-                             step * STEP >= car->latency + MANOEUVRE_ROLLOUT_MIN_TURN_S);
+                             step * STEP >= car->latency + MANOEUVRE_ROLLOUT_MIN_TURN_S + car->waits);
 }
 
 /* As `roll_out` and `_ends`; from: after the latency. */
@@ -258,14 +258,14 @@ static int all_finite(const struct row *row) {
 KERNEL(roll_out_all) {
     struct row seen, steering, brake, grip, past, coming;
     struct car car;
-    if (!enough(count, 15, "roll_out_all") || !as_row(given[0], NPY_CDOUBLE, &seen) ||
+    if (!enough(count, 16, "roll_out_all") || !as_row(given[0], NPY_CDOUBLE, &seen) ||
         !as_row(given[1], NPY_DOUBLE, &steering) || !as_row(given[2], NPY_DOUBLE, &brake) ||
         !as_row(given[3], NPY_DOUBLE, &grip) || !as_row(given[4], NPY_DOUBLE, &past) ||
-        !as_row(given[5], NPY_DOUBLE, &coming) || !as_numbers(given + 6, 9, (double *)&car))
+        !as_row(given[5], NPY_DOUBLE, &coming) || !as_numbers(given + 6, 10, (double *)&car))
         return NULL;
     int fine = all_finite(&steering) && all_finite(&grip) && all_finite(&past) && all_finite(&coming) && car.brake >= 0 &&
-               car.front + car.rear >= 0 && car.half >= 0;
-    for (int i = 0; i < 9; i++)
+               car.front + car.rear >= 0 && car.half >= 0 && car.waits >= 0;
+    for (int i = 0; i < 10; i++)
         fine = fine && isfinite(((double *)&car)[i]);
     for (beam i = 0; i < brake.count; i++)
         fine = fine && NUMBER(brake, i) >= 0.0;

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.runtime.kernel.sameness import PYTHON, SOME_RAD, assert_same
 
-START = [3.0, 0.0, 0.06, 3.2, 0.33, 5.5, 0.42, 0.13, 0.15]
+START = [3.0, 0.0, 0.06, 3.2, 0.33, 5.5, 0.42, 0.13, 0.15, 0.0]
 
 
 def arguments(points_m, start=START, steering_rad=(0.3, 0.0, -0.34), brake_mps2=(1.2, math.inf, 6.0)):
@@ -48,7 +48,7 @@ def test_any_manoeuvre_is_rolled_out_alike(compiled, seed, points, speed_mps, br
     brakes_mps2 = rng.choice([0.0, 1.2, 3.4, 6.0, 9.0, math.inf], 4)
     past_rad, coming_rad = rng.uniform(-0.34, 0.34, rng.integers(0, 30)), rng.uniform(-0.34, 0.34, rng.integers(0, 9))
     grips_mps2 = rng.uniform(2.0, 10.0, rng.integers(1, 5))
-    start = [speed_mps, brake_mps2, latency_s, *START[3:]]
+    start = [speed_mps, brake_mps2, latency_s, *START[3:-1], rng.choice([0.0, 0.07, 0.14])]
     for places_m in (points_m, np.repeat(points_m, 2)[::2]):
         assert_rolled_alike(compiled, places_m, steering_rad, brakes_mps2, grips_mps2, past_rad, coming_rad, *start)
 
@@ -57,7 +57,7 @@ WALL = 1.0 + 1j * np.linspace(-0.5, 0.5, 41)
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 0.0, -1.0])
-@pytest.mark.parametrize("place", [0, 1, 2, 3, 5, 6, 7, 8])
+@pytest.mark.parametrize("place", [0, 1, 2, 3, 5, 6, 7, 8, 9])
 def test_what_is_no_car_is_rolled_out_alike(compiled, place, value):
     start = list(START)
     start[place] = value

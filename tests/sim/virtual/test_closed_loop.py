@@ -13,9 +13,10 @@ from wallride.runtime.control.report.laws import ReportFollower, ReportGuard
 from wallride.runtime.control.report.settings import ReportFollowSettings
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.car.vehicle import VehicleSettings
-from wallride.sim.virtual.closed_loop import FULL_BRAKE_MPS2, Case, as_scan, drive, wall_distances_m
+from wallride.sim.virtual.closed_loop import FULL_BRAKE_MPS2, Case, as_scan, drive
 from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.obstacles import ConstantMotion, person, sudden_box
+from wallride.sim.world.place import wall_distances_m
 from wallride.sim.world.pose import CAR, Pose
 from wallride.sim.world.worlds import load_world
 

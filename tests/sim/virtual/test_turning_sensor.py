@@ -1,5 +1,6 @@
 """Lidars of a full circle drive the simulated car through their own bytes, in virtual time."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,8 @@ import pytest
 
 from wallride.drivers.ydlidar.settings import YdlidarSettings
 from wallride.sim.devices import lidar_kinds
+from wallride.sim.lab.cell import Cell
+from wallride.sim.lab.courses.sudden import case_of
 from wallride.sim.lab.laws import build
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
 from wallride.sim.world.beams import LidarSettings
@@ -100,3 +103,14 @@ def test_the_speed_is_what_the_lidar_allows(word, most_mps):
     assert run.speed_mps[:, 0].max() < 1.07 * most_mps
     assert run.speed_mps[:, 0].max() > 0.85 * most_mps
     assert any(reason.startswith("no faster with this lidar") for reason in run.reasons)
+
+
+@pytest.mark.parametrize(
+    ("word", "scenario", "speed_mps", "side"),
+    [("x2", "follower corridor 0.3-left 0.6m", 1.2, "left"), ("g6", "follower wall full-width 1.2m", 2.0, "right")],
+)
+def test_a_sudden_box_is_braked_for_between_two_scans_and_not_a_scan_too_late(word, scenario, speed_mps, side):
+    """Touched at 0.6 m/s where the scan did not grow older, and where a turn was ended between two scans."""
+    cell = Cell("safety", scenario, "ball", speed_mps, 0.8, side, 4500101)
+    run = drive(replace(case_of(cell), turning=word), *build("ball", side, 1.0, speed_mps))
+    assert run.contact is None

@@ -17,10 +17,10 @@ NO_PAST = np.zeros(30)
 LOCK_RAD = CAR.max_steering_rad
 
 
-def start(speed_mps=3.0, braked_mps2=0.0, latency_s=0.05):
+def start(speed_mps=3.0, braked_mps2=0.0, latency_s=0.05, waits_s=0.0):
     return RolloutStart(
         speed_mps, braked_mps2, latency_s, CAR.steering_rate_radps, CAR.wheelbase_m, SETTINGS.cornering_per_rad,
-        CAR.front_m, CAR.rear_m, CAR.half_width_m,
+        CAR.front_m, CAR.rear_m, CAR.half_width_m, waits_s,
     )  # fmt: skip
 
 

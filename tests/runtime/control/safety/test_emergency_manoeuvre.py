@@ -139,3 +139,12 @@ def test_what_cannot_be_chosen_is_not_rolled_out(gap_m, left_m, speed_mps, wish_
     outcomes = here.predict(tried)
     assert found == choose(outcomes, kept, wish_rad)
     assert len(rolled_out) <= (31 if outcomes[0].impact_mps[0] > 0.0 else 7)
+
+
+def test_with_a_slow_lidar_a_turn_is_braked_a_scan_later():
+    """The last moment for the brake is not between two scans."""
+    gentle, ahead_m = Manoeuvre(0.0, 2.0), 0.7
+    for waits_s, is_free in ((0.0, True), (0.14, False)):
+        brake, slowed = situation(box(ahead_m, 4.0), speed_mps=2.0, waits_s=waits_s).predict([FULL_BRAKE, gentle])
+        assert brake.is_free
+        assert slowed.is_free == is_free
