@@ -107,6 +107,7 @@ async def test_everything_that_telemetry_says_is_in_it_for_every_reader(tmp_path
     assert (facts["car"], facts["version"], facts["epoch_ns"]) == ("car1", "9.9", str(EPOCH_NS))
 
 
+@pytest.mark.slow
 async def test_a_map_is_once_in_each_file(tmp_path):
     drive = Drive(tmp_path, black_box_s=2)
     drive.telemetry.on_course(shown(grid=MapGrid(np.eye(9, dtype=np.int8), 0.05, 0j)))

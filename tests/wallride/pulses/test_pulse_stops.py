@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.runtime.calibration.planted import CORRIDOR
+from tests.tiers import slow
 from tests.wallride.pulses.pulsed_car import RIGHT, TRUE, VirtualBench, calibrated, stands_in_neutral
 from wallride.clients.calibration.link import LetGoError
 from wallride.clients.calibration.pulse_steps import pulse_steps
@@ -68,14 +69,16 @@ def runs_away(bench):
     ("plant", "words"),
     [
         (drives_at_neutral, r"moves at 1500 us, which is to be its neutral.*motor\.neutral_us"),
-        (drives_nothing, r"no pulse from 1400 to 1760 us moved the car.*is the ESC on.*the car on the floor"),
-        (drives_alike, "us drive alike"),
         (drives_backward, "drove backward.*swap two cables"),
         (reverses_at_once, "backward by its brake pulse: set the ESC to forward, brake and reverse"),
-        (never_reverses, r"no pulse down to .* us drove the car backward"),
         (is_boxed, "ahead of the lidar.*move the car"),
         (is_between_bare_walls, "do not tell how far the car went.*boxes"),
         (runs_away, "faster than a calibration may"),
+        *slow(
+            (drives_nothing, r"no pulse from 1400 to 1760 us moved the car.*is the ESC on.*the car on the floor"),
+            (drives_alike, "us drive alike"),
+            (never_reverses, r"no pulse down to .* us drove the car backward"),
+        ),
     ],
 )
 def test_nonsense_is_refused_with_what_to_do(plant, words, car_toml):
