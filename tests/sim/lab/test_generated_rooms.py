@@ -48,7 +48,7 @@ def test_how_long_a_car_stood_until_it_was_away(pieces, expected):
     assert generated_rooms.stood_until_on_s(driven(*pieces)) == pytest.approx(expected, abs=0.06)
 
 
-@pytest.mark.parametrize(("seed", "speed_mps"), [(1550, 2.0), (1569, 3.0)])
+@pytest.mark.parametrize(("seed", "speed_mps"), [(1550, 2.0)])
 def test_a_narrow_loop_on_a_slippery_floor_is_driven_without_a_touch(seed, speed_mps):
     """Bends at full lock that leave a few centimetres: the rollouts have to turn as wide as the car does, and a brake
     in the bend has to last until it is known to pass."""
