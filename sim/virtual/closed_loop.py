@@ -50,8 +50,7 @@ _ORDER = (Source.ESTOP, Source.SAFETY, Source.TELEOP, Source.PERMIT, Source.NAVI
 """Priorities of the lab, with `safety.binds_teleop`: a human is judged as a navigator is."""
 FULL_BRAKE_MPS2 = _WIRING.brake_current_a * _VEHICLE.brake_mps2_per_a + _VEHICLE.drag_mps2
 """Deceleration of the driver's full brake current and the drag on a floor with enough grip: 8.9 m/s2."""
-_POLL_S = 1.0 / _WIRING.poll_hz
-_TICK_S = 1.0 / MuxSettings().tick_hz
+_POLL_S, _TICK_S = 1.0 / _WIRING.poll_hz, 1.0 / MuxSettings().tick_hz
 _STANDING_BELOW_MPS = 0.05
 
 
@@ -229,13 +228,10 @@ class _Rig:
         car = case.car
         self._limiter = Limiter(
             Limits(
-                car.max_speed_mps,
-                car.max_reverse_mps,
-                car.max_steering_rad,
-                car.steering_rate_radps,
+                car.max_speed_mps, car.max_reverse_mps, car.max_steering_rad, car.steering_rate_radps,
                 car.max_acceleration_mps2,
             )
-        )
+        )  # fmt: skip
         self._limiter.limit(case.start_speed_mps, 0.0, dt_s=1e3)  # a rolling car was commanded to
         rolling: Demand = SpeedDemand(case.start_speed_mps) if case.start_speed_mps else CoastDemand()
         self._wire: DelayLine[tuple[Demand, float]] = DelayLine(case.latency_s, (rolling, 0.0))
@@ -244,8 +240,9 @@ class _Rig:
             TurningSensor(case.turning, case.lidar, car, lambda: self._motor, self._rng) if case.turning else None
         )
         self._now_s = self._answered_s = self._decided_s = 0.0
-        if self._turning is not None and isinstance(guard, SweptGuard):
-            guard.clock = lambda: self._now_s
+        judge = getattr(guard, "guard", guard)  # a stack of laws has it in it
+        if self._turning is not None and isinstance(judge, SweptGuard):
+            judge.clock = lambda: self._now_s
         self._words: list[QueueEntry] = []
         self._polled_s = -math.inf
         self._free_m = 0.0  # free way of the car before a contact is possible
