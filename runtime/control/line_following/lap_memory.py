@@ -16,6 +16,7 @@ HELD_SHARE, HELD_MPS = 0.6, 0.3
 HELD_SCANS: Final = 4
 MOVED_M: Final = 0.005
 """Way along the line from which a scan counts for the errors of a lap."""
+REGAINED: Final = 0.04
 SECTORS: Final = 3
 """Parts of a lap of equal way, from where it began, that have a time of their own."""
 RESTS_S: Final = 2.0
@@ -79,27 +80,36 @@ class LapMemory:
 class BuildUp:
     """The share of the line's speed that may be driven: rises from lap to lap, falls when the car was held back.
 
-    first: share of the first lap. step: added by each lap in which nothing held it back, and else taken away.
+    first: share of the first lap. step: added by each lap in which nothing held it back, and else taken away. Held back
+    again at about the share of an earlier time, and above that of the second lap, the car keeps half a step below it:
+    then it rises by REGAINED of a step each lap, so a line too fast for the floor stops it seldom.
     """
 
     def __init__(self, first: float, step: float) -> None:
         self._first, self._step = first, step
         self.share = first
+        self._most, self._failed = 1.0, math.inf
         self._clean = True
 
     def tune(self, first: float, step: float) -> None:
         """Change both; the share that was reached is kept."""
         self._first, self._step = first, step
-        self.share = max(self.share, first)
+        self.share, self._most = max(self.share, first), max(self._most, first)
 
     def lap_done(self) -> None:
         """Raise the share, unless the lap that is done was held back."""
         if self._clean:
-            self.share = min(1.0, self.share + self._step)
+            self._most = min(1.0, self._most + REGAINED * self._step)
+            self.share = min(self._most, self.share + self._step)
         self._clean = True
 
     def slower(self) -> None:
         """Lower the share: something held the car back."""
+        if self._clean and self.share > self._first + self._step:
+            below = self._failed - self._step / 2
+            if self.share > below:
+                self._most = max(self._first + self._step, below)
+            self._failed = min(self._failed, self.share)
         self._clean = False
         self.share = max(self._first, self.share - self._step)
 

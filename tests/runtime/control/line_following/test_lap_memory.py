@@ -87,6 +87,30 @@ def test_the_speed_rises_by_laps_and_falls_when_held_back():
     assert share.share == 0.9
 
 
+def laps_of(share, laps, fails_at):
+    """Return the laps, by number, in which a car that cannot drive faster than a share of the line is held back."""
+    held = []
+    for lap in range(laps):
+        if share.share > fails_at:
+            held.append(lap)
+            share.slower()
+        share.lap_done()
+    return held
+
+
+def test_a_line_too_fast_for_the_floor_holds_the_car_back_twice_and_then_seldom():
+    assert laps_of(BuildUp(0.6, 0.2), 30, fails_at=0.97) == [2, 4, 14, 24]
+
+
+def test_who_holds_the_car_back_once_or_in_a_slow_lap_costs_no_later_lap():
+    share = BuildUp(0.6, 0.2)
+    for laps in (4, 2):
+        share.slower()
+        for _ in range(laps):
+            share.lap_done()
+        assert share.share == 1.0
+
+
 def told(held, *, asked_mps, drives, scans, begin=0):
     """Return at which scans the car counts as held back; drives: its speed by the scan."""
     found = []
