@@ -10,6 +10,7 @@ from wallride.drivers.ydlidar.settings import YdlidarSettings
 from wallride.sim.devices import lidar_kinds
 from wallride.sim.lab.cell import Cell
 from wallride.sim.lab.courses.sudden import case_of
+from wallride.sim.lab.hazards import case_of_hazard
 from wallride.sim.lab.laws import build
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
 from wallride.sim.world.beams import LidarSettings
@@ -114,3 +115,10 @@ def test_a_sudden_box_is_braked_for_between_two_scans_and_not_a_scan_too_late(wo
     cell = Cell("safety", scenario, "ball", speed_mps, 0.8, side, 4500101)
     run = drive(replace(case_of(cell), turning=word), *build("ball", side, 1.0, speed_mps))
     assert run.contact is None
+
+
+@pytest.mark.parametrize("scenario", ["person crosses", "person stops in the way"])
+def test_who_walks_across_is_seen_although_cells_without_a_sample_cut_him_in_two(scenario):
+    case, navigator = case_of_hazard(Cell("hazards", scenario, "ball", 2.0, 0.8, "left", 4500101))
+    follower, guard = build("ball", "left", 1.0, 2.0)
+    assert drive(replace(case, turning="a3"), navigator or follower, guard).contact is None
