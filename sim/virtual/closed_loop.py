@@ -324,9 +324,8 @@ class _Rig:
             ),
         ]  # fmt: skip
         period_s = 1.0 / case.lidar.rate_hz if self._turning is None else now_s - self._decided_s
-        decision, told = self._arbitrate(now_s, period_s)
+        decision, told, stop = self._arbitrate(now_s, period_s)
         self._answered_s = now_s
-        stop = isinstance(self._demand(told), BrakeDemand)
         self._log.decision(now_s, vehicle.speed_mps, decision, stop=stop)
         self._log.rows.append(
             (
@@ -343,15 +342,16 @@ class _Rig:
         if self._words and silent and since_s >= _TICK_S - STEP_S / 2:
             self._arbitrate(now_s, since_s)
 
-    def _arbitrate(self, now_s: float, since_s: float) -> tuple[Decision, Drive]:
-        """Decide on the commands in force; return the decision, and the drive that is on the wire from now on."""
+    def _arbitrate(self, now_s: float, since_s: float) -> tuple[Decision, Drive, bool]:
+        """Decide on the commands in force; return the decision, the drive that is put on the wire, and if it brakes."""
         decision, memories = arbitrate(self._words, frozenset({Source.SAFETY}), _ORDER)
         for judge, memory in memories:
             judge.commit(memory)
         told = self._limiter.limit(decision.speed_mps, decision.steering_rad, since_s, decision.brake_mps2)
-        self._wire.put(now_s, (self._demand(told), told.steering_rad))
+        demand = self._demand(told)
+        self._wire.put(now_s, (demand, told.steering_rad))
         self._decided_s = now_s
-        return decision, told
+        return decision, told, isinstance(demand, BrakeDemand)
 
     def _demand(self, told: Drive) -> Demand:
         """Return the driver's demand for a command: too slow, or against the motion, is a brake."""

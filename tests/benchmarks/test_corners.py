@@ -100,20 +100,8 @@ def test_every_run_is_of_the_named_car_and_on_the_maps_of_the_folder(hall):
 
 def test_the_command_writes_the_figures_and_a_picture_of_every_run(tmp_path, hall, capsys):
     file, plots = tmp_path / "figures.json", tmp_path / "pictures"
-    asked = [
-        "--only",
-        "in 60 deg? 2 m",
-        "--speeds",
-        "3",
-        "--mu",
-        ".8",
-        "--side",
-        "left",
-        "--jobs",
-        "1",
-        "--maps",
-        str(hall.parent),
-    ]
+    asked = ["--only", "in 60 deg? 2 m", "--speeds", "3", "--mu", ".8", "--side", "left", "--jobs", "1"]
+    asked += ["--maps", str(hall.parent)]
     assert run(parsed(["corners", *asked, "--json", str(file), "--plot", str(plots)])) == 0
     (one,) = json.loads(file.read_text())["cells"]
     assert one["scenario"] == "in 60 deg, 2 m"

@@ -21,15 +21,14 @@ from wallride.sim.world.pose import Pose
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("turned_rad", "seed"), [(2.0, 910002)])
-def test_it_turns_back_and_drives_on_along_the_line(turned_rad, seed):
+def test_it_turns_back_and_drives_on_along_the_line():
     room = ring(BOXES)
-    start, field, line = (6.0, 0.1, turned_rad), field_of_cells(room.cells), round_the_block()
+    start, field, line = (6.0, 0.1, 2.0), field_of_cells(room.cells), round_the_block()
     settings = load_settings(None, ["wall_follow.method=line", "wall_follow.side=right", "car.max_speed_mps=3"])
     course = RaceCourse("ring", field, Localizer(field, settings.car, start), line)
     laws = LawStack(settings.wall_follow, settings.safety, settings.car, course=course)
     world = World("ring", room.geometry, Pose(*start), "right")
-    run = drive(Case(world, duration_s=45.0, seed=seed, car=settings.car), laws.follower, laws.judge)
+    run = drive(Case(world, duration_s=45.0, seed=910002, car=settings.car), laws.follower, laws.judge)
     assert run.contact is None
     assert TURNS in run.reasons
     assert run.reasons[-1] == DRIVES
