@@ -138,9 +138,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     wanted = Wanted(tuple(map(int, options.seeds.split(","))), options.allowed, options.hazards, options.boxes)
     words, failed = options.lidars.split(","), False
     print("| lidar | m/s | VESC | of UST-10LX | PCA9685 | blind | corners, doorway | hazards | boxes | p50 | CPU |")
+    times_ms = [asyncio.run(timed(word)) if options.real else None for word in words]  # while nothing else runs
     with ProcessPoolExecutor(options.workers) as pool:
-        for word, one in zip(words, pool.map(driven, words, [wanted] * len(words)), strict=True):
-            print(_row(word, one, asyncio.run(timed(word)) if options.real else None), flush=True)
+        for word, one, time_ms in zip(words, pool.map(driven, words, [wanted] * len(words)), times_ms, strict=True):
+            print(_row(word, one, time_ms), flush=True)
             failed = failed or bool(one.touched or one.hazards.names or one.boxes.names)
     return int(failed)
 
