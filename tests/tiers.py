@@ -13,8 +13,7 @@ from hypothesis import settings
 TESTS: Final = Path(__file__).resolve().parent
 SLOW: Final = (
     # a browser
-    "clients/monitor/test_browser", "sim/lab_report/test_browser.py", "sim/run_report/test_browser.py",
-    "system/test_watched",
+    "clients/monitor/test_browser", "sim/lab_report/test_browser.py", "system/test_watched",
     # processes in real time: the car with its emulated devices, ssh, benches
     "clients/remote/test_examples.py", "docs/test_five_steps.py", "sim/bench/test_measure.py",
     "sim/live/test_farewell.py", "system/faults/test_faults.py", "system/faults/test_router.py",
@@ -32,14 +31,16 @@ SLOW: Final = (
     "benchmarks/test_corners.py", "benchmarks/test_recordings.py", "benchmarks/test_simulator.py",
     "runtime/calibration/test_planted_errors.py", "runtime/calibration/test_responses.py",
     "runtime/calibration/test_thin_drives.py", "sim/fit/test_fit.py", "sim/lab/", "sim/lab_report/test_report.py",
-    "sim/replay/test_foreign.py", "sim/replay/test_reenact.py", "sim/scenario/test_virtual_drive.py", "sim/tuning/",
+    "sim/replay/", "sim/scenario/test_virtual_drive.py", "sim/tuning/",
     "sim/virtual/test_turning_sensor.py", "sim/virtual/test_lidar_pose.py", "sim/test_generated.py", "wallride/gym/",
     "clients/calibration/test_steps.py", "clients/monitor/test_lap_watch.py", "sim/live/test_fleet.py",
     "sim/live/test_traffic.py", "sim/virtual/test_driving_together.py", "sim/world/test_map_file.py",
     "sim/world/test_map_start.py",
     # maps, poses and race lines of whole laps, computed off the car
     "sim/mapping/", "sim/races/", "sim/racing/", "wallride/test_line.py", "wallride/test_map.py",
-    "wallride/test_pose.py", "sim/run_report/test_matched_path.py", "sim/run_report/test_page.py",
+    "wallride/test_pose.py",
+    # what is looked at after a drive
+    "sim/recordings/test_bombs.py", "sim/run_report/", "wallride/test_extras.py",
     # long recordings and full disks
     "runtime/recording/test_recorded_times.py", "runtime/recording/test_recorder_disk.py",
     "runtime/recording/test_recover.py", "runtime/recording/test_small_disk.py",
