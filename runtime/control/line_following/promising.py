@@ -20,7 +20,7 @@ from wallride.runtime.control.line_following.race_line import CourseLine, OnLine
 from wallride.runtime.control.perception.geometry import Floats, Places
 
 STEP_M: Final = 0.2
-SLOWER_SHARE, SLOWER_TIMES = 0.8, 2
+SLOWER_SHARE, SLOWER_TIMES = 0.8, 4
 """By how much slower the way back becomes where it bends too much, and how often."""
 REACH_S, REACH_M, BRAKES_MPS2 = 0.6, 1.5, 3.0
 """The promise reaches as far as a gentle stop: the way in a time, of a brake, and a spare."""

@@ -28,8 +28,9 @@ TURN_LAG_S = 0.1
 """Lag of the yaw rate after the wheels: servo, tyres and inertia."""
 FADES_S = 3.0
 """Time constant with which an error measured once is forgotten."""
-AGREES_M, AGREES_RAD, TURN_ERROR_RADPS = 0.06, 0.05, 0.4
-"""How far a new promise may be beside an earlier one: noise of the pose, of its heading, and of the odometry's turn."""
+AGREES_M, AGREES_RAD, TURN_ERROR_RADPM = 0.06, 0.05, 0.14
+"""How far a new promise may be beside an earlier one: noise of the pose, of its heading, and the odometry's turn, which
+errs by the metre: a trim of 0.02 rad is 0.06 of it, tyres of 0.7 of the usual stiffness in a bend nearly as much."""
 
 LEFT = "it left its path"
 TAKEN_BACK = "it took its path back"
@@ -161,8 +162,9 @@ def _kept_m(here: DrivenPlace, given: Given) -> float:
 def _takes_back(here: DrivenPlace, path_m: Places, given: Given) -> bool:
     """Whether a new path leaves an earlier one, as far as both reach."""
     apart_m = _beside_m(path_m, given.path_m)
-    known_m = AGREES_M + ODOMETRY_SHARE * abs(here.way_m - given.here.way_m)
-    angle_rad = AGREES_RAD + TURN_ERROR_RADPS * (here.stamp_s - given.here.stamp_s)
+    way_m = abs(here.way_m - given.here.way_m)
+    known_m = AGREES_M + ODOMETRY_SHARE * way_m
+    angle_rad = AGREES_RAD + TURN_ERROR_RADPM * way_m
     return bool((apart_m > known_m + angle_rad * np.abs(path_m - here.at_m)).any())
 
 

@@ -75,6 +75,22 @@ def test_the_noise_of_a_pose_takes_nothing_back():
     assert record.trusts(here)
 
 
+@pytest.mark.parametrize(
+    ("speed_mps", "bend_per_m", "reason"), [(6.0, 0.12, ""), (2.0, 0.12, ""), (2.0, 0.4, TAKEN_BACK)]
+)
+def test_a_trim_of_the_wheels_takes_no_straight_path_back(speed_mps, bend_per_m, reason):
+    record, _ = kept(40, speed_mps)
+    for number in range(40, 100):
+        straight, bent_m = place(number, speed_mps), 0.025 * (number - 40) * speed_mps
+        turn = cmath.exp(1j * bend_per_m * bent_m)
+        at_m = straight.at_m - bent_m + (turn - 1.0) / (1j * bend_per_m)
+        here = straight._replace(at_m=at_m, turn=turn)
+        record = record.after(here, here.in_frame_m(AHEAD_M), 0.1)
+        if record.reason:
+            break
+    assert record.reason == reason
+
+
 def test_after_a_gap_the_source_begins_anew():
     record, _ = kept(60)
     here = place(67)
