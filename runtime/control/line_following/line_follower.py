@@ -19,6 +19,7 @@ from wallride.runtime.control.guidance import Guidance, Promise
 from wallride.runtime.control.line_following import line_law
 from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.line_following.joining import way_is_free
+from wallride.runtime.control.line_following.lap_correction import AT_SPEED, LapCorrection
 from wallride.runtime.control.line_following.lap_memory import BuildUp, HeldBack, LapMemory
 from wallride.runtime.control.line_following.line_law import Moving
 from wallride.runtime.control.line_following.line_settings import LineFollowSettings
@@ -57,7 +58,9 @@ class LineFollower:
         self._car = car
         self._course = course
         self._wall = BallFollower(_of_wall(settings), car, eyes)
-        self._laps = LapMemory(course.line.length_m if course is not None and course.line is not None else math.inf)
+        line = self._line
+        self._laps = LapMemory(line.length_m if line is not None else math.inf)
+        self._correction = LapCorrection(line.length_m if line is not None else 0.0)
         self._build_up = BuildUp(settings.first_lap_share, settings.faster_each_lap)
         self._held = HeldBack(car.max_acceleration_mps2)
         self._trim = SteeringTrim()
@@ -168,15 +171,17 @@ class LineFollower:
         """Answer by the line."""
         on = self._on
         assert on is not None  # noqa: S101 - `_unfit` has noted it
-        if self._joined and self._laps.take(scan.stamp_s, on.along_m, on.aside_m):
-            self._build_up.lap_done()
+        if self._joined:
+            self._note(scan.stamp_s, now, line, on)
+        share = self._build_up.share
         late_s = min(max(scan.received_s - scan.stamp_s, 0.0), MAX_STEP_S)
         then = now.later(self._settings.latency_s + WIRE_S + late_s, self._told_rad, tyres)
         there = line.nearest(then.place_m, on.along_m)
-        pulled = tyres.pulling(self._build_up.share**2 * line.pull_at(there.along_m))
+        pulled = tyres.pulling(share**2 * line.pull_at(there.along_m))
         most_rad = self._car.max_steering_rad
-        steering_rad = min(max(line_law.steering_rad(then, line, there, tyres, pulled), -most_rad), most_rad)
-        speed_mps = self._build_up.share * line_law.speed_mps(then, line, there)
+        aimed = replace(there, aside_m=there.aside_m - self._correction.aim_m(there.along_m, share))
+        steering_rad = min(max(line_law.steering_rad(then, line, aimed, tyres, pulled), -most_rad), most_rad)
+        speed_mps = share * line_law.speed_mps(then, line, there)
         far = max(0.0, (abs(there.aside_m) - JOINED_M) / (LEFT_M - JOINED_M)) if self._joined else 1.0
         if far > 0.0:
             speed_mps = min(speed_mps, max(self._settings.join_mps, (1.0 - far) * speed_mps))
@@ -184,6 +189,15 @@ class LineFollower:
         heading_rad = -line_law.heading_error_rad(now, on, tyres)
         reason = DRIVES if self._joined else JOINS
         return Guidance(Drive(speed_mps, steering_rad), math.nan, on.aside_m, heading_rad, reason)
+
+    def _note(self, stamp_s: float, now: Moving, line: CourseLine, on: OnLine) -> None:
+        """Take in where a car that has joined the line is on it."""
+        share = self._build_up.share
+        if now.speed_mps > AT_SPEED * share * line.speed_at(on.along_m):
+            self._correction.take(on.along_m, on.aside_m, now.speed_mps, share)
+        if self._laps.take(stamp_s, on.along_m, on.aside_m):
+            self._build_up.lap_done()
+            self._correction.lap_done()
 
     def _by_wall(self, guidance: Guidance, reason: str) -> Guidance:
         """Follow the wall, and say why; its distance is no error from the line."""

@@ -11,6 +11,7 @@ from tests.runtime.control.localization.rooms import report, ring
 from tests.runtime.control.localization.test_localizer import BOXES, CORNER
 from wallride.runtime.control.line_following import line_follower
 from wallride.runtime.control.line_following.course import RaceCourse
+from wallride.runtime.control.line_following.lap_correction import LapCorrection
 from wallride.runtime.control.line_following.line_follower import LineFollower
 from wallride.runtime.control.line_following.line_settings import LineFollowSettings
 from wallride.runtime.control.localization.line_field import field_of_cells
@@ -53,6 +54,26 @@ def test_on_the_line_it_drives_the_line(room):
     assert abs(last.angle_rad) < 0.02
     assert one.path_m is not None
     assert one.path_m[0, -1] > 3.0
+
+
+def test_it_aims_to_the_side_that_the_laps_have_taught(room, monkeypatch):
+    steered_rad = []
+    for aim_m in (0.0, -0.05):
+        monkeypatch.setattr(LapCorrection, "aim_m", lambda *_, aim_m=aim_m: aim_m)
+        one = follower(room[1], first_lap_share=1.0)
+        drive = answers(one, room[0], (2.0, 0.0, 0.0), speed_mps=3.0)[-1].drive
+        steered_rad.append(drive.steering_rad)
+    assert steered_rad[1] < steered_rad[0] - 0.02, "to the right"
+
+
+@pytest.mark.parametrize(("speed_mps", "counts"), [(2.9, True), (2.0, False)])
+def test_the_error_of_a_car_slower_than_asked_teaches_nothing(room, monkeypatch, speed_mps, counts):
+    taught = []
+    monkeypatch.setattr(LapCorrection, "take", lambda _, *place: taught.append(place))
+    one = follower(room[1], first_lap_share=1.0)
+    answers(one, room[0], (2.0, 0.05, 0.0), speed_mps=speed_mps)
+    assert bool(taught) is counts
+    assert all(aside_m == pytest.approx(0.05, abs=0.03) for _, aside_m, _, _ in taught)
 
 
 def test_on_the_line_it_promises_it_and_elsewhere_nothing(room):

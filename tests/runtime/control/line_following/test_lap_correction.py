@@ -1,0 +1,90 @@
+"""What the laps teach: the aim beside the line where earlier laps were off it."""
+
+import numpy as np
+import pytest
+
+from wallride.runtime.control.line_following.lap_correction import LEAD_S, MOST_M, LapCorrection
+
+LENGTH_M, SPEED_MPS, STEP_M = 40.0, 4.0, 0.1
+WAYS_M = np.arange(0.0, LENGTH_M, STEP_M)
+
+
+def off_in_the_bend(along_m):
+    """6 cm to the left over four metres, and on the line elsewhere."""
+    return 0.06 * float(np.exp(-(((along_m - 20.0) / 2.0) ** 2)))
+
+
+def lap(correction, aside_m, share=1.0, ways_m=WAYS_M):
+    for along_m in ways_m:
+        correction.take(float(along_m), aside_m(along_m), SPEED_MPS * share, share)
+    correction.lap_done()
+
+
+def test_before_a_lap_it_aims_at_the_line():
+    correction = LapCorrection(LENGTH_M)
+    correction.take(20.0, 0.1, SPEED_MPS, 1.0)
+    assert not any(correction.aim_m(float(along_m), 1.0) for along_m in WAYS_M)
+
+
+def test_after_a_lap_it_aims_to_the_other_side_a_moment_before_the_place():
+    correction = LapCorrection(LENGTH_M)
+    lap(correction, off_in_the_bend)
+    aims_m = np.array([correction.aim_m(float(along_m), 1.0) for along_m in WAYS_M])
+    assert WAYS_M[aims_m.argmin()] == pytest.approx(20.0 - LEAD_S * SPEED_MPS, abs=0.3)
+    assert -0.06 < aims_m.min() < -0.03
+    assert np.abs(aims_m[(WAYS_M < 12.0) | (WAYS_M > 28.0)]).max() < 0.001
+
+
+@pytest.mark.parametrize("lag_s", [0.15, 0.25, 0.35])
+def test_laps_of_a_car_that_follows_the_aim_come_to_the_line(lag_s):
+    correction, errors_m = LapCorrection(LENGTH_M), []
+    for _ in range(6):
+        before = [correction.aim_m(float(along_m - lag_s * SPEED_MPS) % LENGTH_M, 1.0) for along_m in WAYS_M]
+        driven = dict(zip(WAYS_M, before, strict=True))
+        off_m = [off_in_the_bend(along_m) + driven[along_m] for along_m in WAYS_M]
+        errors_m.append(float(np.abs(off_m).max()))
+        lap(correction, lambda along_m, driven=driven: off_in_the_bend(along_m) + driven[along_m])
+    assert errors_m[1] < 0.6 * errors_m[0]
+    assert errors_m[-1] < 0.3 * errors_m[0]
+
+
+def test_what_is_no_longer_there_is_unlearnt():
+    correction = LapCorrection(LENGTH_M)
+    lap(correction, lambda _: 0.05)
+    learnt_m = correction.aim_m(20.0, 1.0)
+    for _ in range(4):
+        aim_m = correction.aim_m(20.0, 1.0)
+        lap(correction, lambda _, aim_m=aim_m: aim_m)
+    assert learnt_m == pytest.approx(-0.035)
+    assert abs(correction.aim_m(20.0, 1.0)) < 0.001
+
+
+def test_the_aim_stays_near_the_line_whatever_the_laps_say():
+    correction = LapCorrection(LENGTH_M)
+    for _ in range(10):
+        lap(correction, lambda _: 0.7)
+    assert correction.aim_m(20.0, 1.0) == pytest.approx(-MOST_M)
+    for _ in range(10):
+        lap(correction, lambda _: -0.7, share=0.3)
+    assert correction.aim_m(20.0, 0.5) == pytest.approx(0.5 * MOST_M)
+
+
+def test_a_slow_lap_teaches_more_for_a_fast_one():
+    correction = LapCorrection(LENGTH_M)
+    lap(correction, lambda _: 0.02, share=0.5)
+    assert correction.aim_m(20.0, 1.0) == pytest.approx(2.0 * correction.aim_m(20.0, 0.5))
+
+
+def test_pieces_without_a_scan_are_as_their_neighbours_and_a_lap_without_any_teaches_nothing():
+    correction = LapCorrection(LENGTH_M)
+    lap(correction, lambda _: 0.04, ways_m=WAYS_M[(WAYS_M < 15.0) | (WAYS_M > 25.0)])
+    assert correction.aim_m(20.0, 1.0) == pytest.approx(-0.028)
+    lap(correction, lambda _: 0.04, ways_m=())
+    assert correction.aim_m(20.0, 1.0) == pytest.approx(-0.028)
+
+
+def test_a_place_is_learnt_across_the_end_of_the_line():
+    correction = LapCorrection(LENGTH_M)
+    lap(correction, lambda along_m: 0.05 if along_m < 1.0 or along_m > 39.0 else 0.0)
+    assert correction.aim_m(39.0, 1.0) == pytest.approx(-0.035, abs=0.005)
+    assert correction.aim_m(20.0, 1.0) == 0.0
