@@ -20,7 +20,7 @@ REGAINED: Final = 0.04
 SECTORS: Final = 3
 """Parts of a lap of equal way, from where it began, that have a time of their own."""
 RESTS_S: Final = 2.0
-"""Time after which it may count as held back again."""
+"""Time of driving as asked after which it may count as held back again."""
 
 
 @value()
@@ -139,8 +139,8 @@ class HeldBack:
         rise = min(max(self._asked_mps - self._ramp_mps, -FALLS_MPS2 * since_s), self._rises_mps2 * since_s)
         self._ramp_mps += rise
         self._expected_mps += (1.0 - math.exp(-since_s / OBEYS_S)) * (self._ramp_mps - self._expected_mps)
-        self._rests_s -= since_s
         held = speed_mps < HELD_SHARE * self._expected_mps - HELD_MPS
+        self._rests_s -= 0.0 if held else since_s  # a stop with its way out is one, however long it takes
         self._scans = self._scans + 1 if held else 0
         if self._scans < HELD_SCANS or self._rests_s > 0.0:
             return False

@@ -102,7 +102,7 @@ class LineFollower:
         by_wall = self._wall.follow(scan, motor)
         since_s, self._stamp_s = scan.stamp_s - self._stamp_s, scan.stamp_s
         since_s = since_s if 0.0 < since_s < MAX_STEP_S else 0.0
-        if motor is not None and self._held.tells(motor.speed_mps, since_s):
+        if motor is not None and self._held.tells(motor.speed_mps, since_s) and self._joined:
             self._build_up.slower()
         guidance = self._by_line(scan, motor, by_wall, since_s)
         drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)

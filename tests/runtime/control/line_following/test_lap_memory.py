@@ -138,3 +138,16 @@ def test_a_stop_of_safety_is_told_once():
     stops = told(held, asked_mps=5.0, drives=lambda k: max(0.0, 5.0 - 7.0 * STEP_S * (k - 100)), scans=60, begin=100)
     assert len(stops) == 1
     assert HELD_SCANS <= stops[0] - 100 < 20
+
+
+def test_a_long_stop_is_one_and_the_next_one_counts_after_a_free_way():
+    held, speed = HeldBack(4.0), [5.0]
+
+    def waits(k):
+        speed[0] = max(0.0, speed[0] - 7.0 * STEP_S) if k < 900 else min(5.0, speed[0] + 3.6 * STEP_S)
+        return speed[0]
+
+    told(held, asked_mps=5.0, drives=lambda k: min(5.0, 3.6 * STEP_S * k), scans=100)
+    assert len(told(held, asked_mps=5.0, drives=waits, scans=1000, begin=100)) == 1
+    again = told(held, asked_mps=5.0, drives=lambda k: max(0.0, 5.0 - 7.0 * STEP_S * (k - 1100)), scans=60, begin=1100)
+    assert len(again) == 1

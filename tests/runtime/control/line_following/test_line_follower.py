@@ -143,9 +143,20 @@ def test_a_lost_car_follows_the_wall_or_stops(room, without_pose, drives):
 def test_a_car_that_is_held_back_drives_the_next_laps_slower(room):
     one = follower(room[1], first_lap_share=0.6)
     one._build_up.share = 1.0
-    answers(one, room[0], (2.0, 0.0, 0.0), scans=6)
-    answers(one, room[0], (2.0, 0.0, 0.0), scans=90, begin=6)
-    assert one.figures["speed_share"] < 1.0, "it asks for 3 m/s and stands"
+    answers(one, room[0], (2.0, 0.0, 0.0), scans=100, speed_mps=3.0)
+    assert one.figures["speed_share"] == 1.0
+    answers(one, room[0], (2.0, 0.0, 0.0), scans=300, begin=100)
+    assert one.figures["speed_share"] == pytest.approx(0.8), "it asks for 3 m/s and stands, once"
+
+
+def test_a_car_that_is_held_back_beside_the_line_drives_the_next_laps_as_fast(room):
+    one = follower(None)
+    one._build_up.share = 1.0
+    answers(one, room[0], (2.0, 0.0, 0.0), scans=100, speed_mps=1.0)
+    last = answers(one, room[0], (2.0, 0.0, 0.0), scans=300, begin=100)[-1]
+    assert last.reason == line_follower.NO_LINE
+    assert last.drive.speed_mps > 0.6
+    assert one.figures["speed_share"] == 1.0
 
 
 def test_settings_change_while_it_drives(room):
