@@ -12,6 +12,8 @@ ROUNDS: Final = 2
 """The second begins with what the first has left at the seam."""
 BRAKE_LIMIT_MPS2: Final = 4.6
 """A VESC ramps its set speed by 5.4 m/s2 at most: plans that brake harder enter bends too fast."""
+DRIVE_SHARE: Final = 0.55
+"""Share of the grip to drive with, unless braking may use more: with 0.8 a car spins where its line bends back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +21,7 @@ class Grip:
     """What a plan may use. mu: friction of the floor. lateral_share, brake_share: shares of mu g aside and in braking.
 
     The defaults leave what drives the line a reserve to correct with, and to brake with before what is not on the map.
-    speed_mps is the highest speed, drive_mps2 the largest acceleration.
+    speed_mps is the highest speed, drive_mps2 the motor's largest acceleration.
     """
 
     mu: float = 0.8
@@ -38,6 +40,11 @@ class Grip:
         """Return the largest deceleration."""
         return min(self.brake_share * self.mu * GRAVITY_MPS2, BRAKE_LIMIT_MPS2)
 
+    @property
+    def gain_mps2(self) -> float:
+        """Return the largest acceleration along the way."""
+        return min(self.drive_mps2, max(DRIVE_SHARE, self.brake_share) * self.mu * GRAVITY_MPS2)
+
 
 def speeds_mps(curvature_radpm: Floats, steps_m: Floats, grip: Grip) -> Floats:
     """Return the speed at each point of a closed line, shape (n,).
@@ -48,7 +55,7 @@ def speeds_mps(curvature_radpm: Floats, steps_m: Floats, grip: Grip) -> Floats:
     bend = np.abs(curvature_radpm) / grip.lateral_mps2
     speed = np.minimum(grip.speed_mps, np.sqrt(1.0 / np.maximum(bend, 1e-9)))
     for _ in range(ROUNDS):
-        speed = _pass(speed, bend, steps_m, min(grip.drive_mps2, grip.mu * GRAVITY_MPS2))
+        speed = _pass(speed, bend, steps_m, grip.gain_mps2)
         speed = _pass(speed[::-1], bend[::-1], np.roll(steps_m[::-1], -1), grip.brake_mps2)[::-1]
     return speed
 

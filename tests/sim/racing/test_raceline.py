@@ -115,6 +115,14 @@ def test_braking_and_driving_stay_within_the_friction_ellipse():
     assert lap_s(np.full(10, 2.0), np.full(10, 1.0)) == pytest.approx(5.0)
 
 
+@pytest.mark.parametrize(("mu", "brake_share", "most_mps2"), [(0.8, 0.45, 4.0), (0.5, 0.45, 2.7), (0.5, 0.9, 4.0)])
+def test_driving_on_leaves_grip_to_steer_with(mu, brake_share, most_mps2):
+    curvature, steps_m = np.where(np.arange(200) < 40, 1.0, 1e-3), np.full(200, 0.1)
+    speed = speeds_mps(curvature, steps_m, Grip(mu=mu, brake_share=brake_share, speed_mps=20.0))
+    acceleration = (np.roll(speed, -1) ** 2 - speed**2) / (2 * steps_m)
+    assert acceleration.max() == pytest.approx(most_mps2, abs=0.05)
+
+
 def test_a_slower_floor_makes_a_slower_lap():
     curvature, steps_m = np.full(50, 0.4), np.full(50, 0.3)
     laps_s = [lap_s(speeds_mps(curvature, steps_m, Grip(mu=mu)), steps_m) for mu in (0.4, 0.8)]
