@@ -184,7 +184,7 @@ class CorridorFollower:
         """Return the way back to the way and along it."""
         course_rad = -tyres.rear_slip_rad(now.speed_mps * now.turn_radps)
         most_radpm = tyres.most_radpm(max(now.speed_mps, line_law.SLOWEST_MPS))
-        back = Return.of(on, course_rad, now.speed_mps, most_radpm)
+        back = Return.of(on, course_rad, line_law.feedback_per_m(now.speed_mps, tyres), most_radpm)
         needed_m = PROMISED_M + PROMISED_S * now.speed_mps + now.speed_mps**2 / (2.0 * PROMISED_MPS2)
         most_m = min(needed_m, float(line.along_m[min(seen, line.along_m.size - 1)]) - on.along_m)
         places, speeds_mps = way_ahead(line, back, (0j, 0.0), now.speed_mps, most_m)

@@ -142,7 +142,8 @@ class LineFollower:
             self._promises.begin()
             return None
         course_rad = now.yaw_rad - tyres.rear_slip_rad(now.speed_mps * now.turn_radps)
-        back = Return.of(on, course_rad, now.speed_mps, tyres.most_radpm(max(now.speed_mps, line_law.SLOWEST_MPS)))
+        most_radpm = tyres.most_radpm(max(now.speed_mps, line_law.SLOWEST_MPS))
+        back = Return.of(on, course_rad, line_law.feedback_per_m(now.speed_mps, tyres), most_radpm)
         self._promises.check(back, line.length_m, since_s)
         places, speeds_mps = way_ahead(line, back, (now.place_m, now.yaw_rad), now.speed_mps)
         path_m = np.array([places.real, places.imag])

@@ -5,7 +5,8 @@
 
 The heading error is that of the rear axle's way, which points outward from the car's heading by the rear slip. The
 excess turn is the car's yaw rate less that of the line, which damps the swing that the lag of the turn makes. Sources:
-reference figures of the prototype; the form is that of a pole pair with frequency w and damping z over time.
+reference figures of the prototype; the form is that of a pole pair with frequency w and damping z over time. w is at
+most mu g C / v, at which a slip of the rear axle with cornering stiffness C dies away.
 """
 
 import cmath
@@ -55,6 +56,12 @@ class Moving:
         )  # fmt: skip
 
 
+def feedback_per_m(speed_mps: float, tyres: Tyres) -> float:
+    """Return the poles' frequency over the speed. Feedback that the tyres cannot follow becomes a swing, and a spin."""
+    speed_mps = max(speed_mps, SLOWEST_MPS)
+    return min(FREQUENCY_RADPS, tyres.settles_radps(speed_mps)) / speed_mps
+
+
 def heading_error_rad(car: Moving, on: OnLine, tyres: Tyres) -> float:
     """Return the heading of the rear axle's way less the line's, as it is in a steady bend of the line."""
     slip_rad = tyres.rear_slip_rad(car.speed_mps**2 * on.curvature_radpm)
@@ -69,7 +76,7 @@ def steering_rad(car: Moving, line: CourseLine, on: OnLine, tyres: Tyres, pulled
     """
     pulled = pulled or tyres
     speed_mps = max(car.speed_mps, SLOWEST_MPS)
-    per_m = FREQUENCY_RADPS / speed_mps
+    per_m = feedback_per_m(speed_mps, tyres)
     most_m = min(MOST_ASIDE_M, 2.0 * DAMPING * STEEPEST / per_m)
     curvature_radpm = line.curvature_at(on.along_m + AHEAD_S * car.speed_mps + AHEAD_M)
     lateral_mps2 = car.speed_mps**2 * curvature_radpm

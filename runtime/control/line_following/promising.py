@@ -15,7 +15,6 @@ from typing import Final
 import numpy as np
 
 from wallride.drivers.value import value
-from wallride.runtime.control.line_following.line_law import FREQUENCY_RADPS, SLOWEST_MPS
 from wallride.runtime.control.line_following.race_line import CourseLine, OnLine
 from wallride.runtime.control.perception.geometry import Floats, Places
 
@@ -41,10 +40,9 @@ class Return:
     per_m: float
 
     @staticmethod
-    def of(on: OnLine, course_rad: float, speed_mps: float, most_radpm: float = math.inf) -> "Return":
+    def of(on: OnLine, course_rad: float, per_m: float, most_radpm: float = math.inf) -> "Return":
         """Return the way back of a car whose rear axle moves in a direction on the map. most_radpm: at most bent so."""
         slope = math.tan(min(max(math.remainder(course_rad - on.yaw_rad, math.tau), -1.0), 1.0))
-        per_m = FREQUENCY_RADPS / max(speed_mps, SLOWEST_MPS)
         for _ in range(SLOWER_TIMES):
             if abs(on.curvature_radpm - per_m * (per_m * on.aside_m + 2.0 * slope)) <= most_radpm:
                 break

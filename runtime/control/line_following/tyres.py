@@ -48,6 +48,10 @@ class Tyres:
         moved = 2.0 * HEIGHT_SHARE * pull_mps2 / GRAVITY_MPS2
         return replace(self, front_load=aside * (1.0 - moved), rear_load=aside * (1.0 + moved))
 
+    def settles_radps(self, speed_mps: float) -> float:
+        """Return how fast a slip of the rear axle dies away: slower with soft tyres, and the faster the car."""
+        return self.mu * GRAVITY_MPS2 * self.rear_per_rad / speed_mps
+
     def most_radpm(self, speed_mps: float) -> float:
         """Return the tightest bend that the grip allows."""
         return MOST_SHARE * self.mu * GRAVITY_MPS2 / (speed_mps * speed_mps)

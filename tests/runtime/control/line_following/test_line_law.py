@@ -45,6 +45,14 @@ def test_on_the_line_the_wheels_turn_as_the_bend_needs(speed):
     assert steered(beside(speed=speed, trim_rad=0.03)) == pytest.approx(needed_rad - 0.03, abs=0.004)
 
 
+@pytest.mark.parametrize(("mu", "stiffness", "speed", "frequency_radps"), [
+    (0.8, 1.0, 4.0, 6.0), (0.8, 1.0, 6.0, 6.0), (0.8, 0.7, 6.0, 5.04), (0.5, 1.0, 5.6, 4.82), (0.5, 1.0, 0.2, 6.0),
+])  # fmt: skip
+def test_the_feedback_is_no_faster_than_the_tyres_settle(mu, stiffness, speed, frequency_radps):
+    per_m = line_law.feedback_per_m(speed, Tyres(0.33, mu, 4.7 * stiffness, 5.5 * stiffness))
+    assert per_m * max(speed, 1.0) == pytest.approx(frequency_radps, abs=0.02)
+
+
 def test_steering_and_turn_are_each_others_inverse():
     for speed in (1.0, 3.0, 5.0):
         wheels_rad = TYRES.steering_rad(0.2, speed)

@@ -8,7 +8,7 @@ import pytest
 
 from tests.runtime.control.line_following.lines import circle
 from tests.runtime.control.line_following.test_line_law import TYRES, WIDE, beside, driven
-from wallride.runtime.control.line_following import promising
+from wallride.runtime.control.line_following import line_law, promising
 from wallride.runtime.control.line_following.promising import Promises, Return, way_ahead
 
 STEP_S = 0.025
@@ -33,7 +33,8 @@ def test_points_speeds_and_directions_ahead_go_round_the_seam():
 def test_the_promised_way_is_driven(speed, aside_m, off_rad):
     car = beside(aside_m=aside_m, off_rad=off_rad, speed=speed)
     on = WIDE.nearest(car.place_m)
-    places, speeds = way_ahead(WIDE, Return.of(on, course_rad(car), speed), (car.place_m, car.yaw_rad), speed)
+    back = Return.of(on, course_rad(car), line_law.feedback_per_m(speed, TYRES))
+    places, speeds = way_ahead(WIDE, back, (car.place_m, car.yaw_rad), speed)
     assert places[0] == 0j
     assert set(speeds) == {4.0}
     assert abs(places[-1]) > speed**2 / 6.0
@@ -49,7 +50,8 @@ def test_a_promise_bends_no_more_than_the_grip_allows():
     car = beside(aside_m=0.1, off_rad=0.2, speed=speed_mps)
     on, most_radpm = WIDE.nearest(car.place_m), TYRES.most_radpm(speed_mps)
     for bound_radpm in (most_radpm, math.inf):
-        aside_m = Return.of(on, course_rad(car), speed_mps, bound_radpm).aside_at(steps_m)
+        per_m = line_law.feedback_per_m(speed_mps, TYRES)
+        aside_m = Return.of(on, course_rad(car), per_m, bound_radpm).aside_at(steps_m)
         bends_radpm.append(np.abs(on.curvature_radpm + np.diff(aside_m, 2) / 0.05**2).max())
     assert bends_radpm[0] <= most_radpm < 0.8 * bends_radpm[1]
 
