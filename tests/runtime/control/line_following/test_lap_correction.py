@@ -48,6 +48,21 @@ def test_laps_of_a_car_that_follows_the_aim_come_to_the_line(lag_s):
     assert errors_m[-1] < 0.3 * errors_m[0]
 
 
+def test_what_changes_faster_than_the_car_can_follow_is_not_learnt():
+    correction = LapCorrection(LENGTH_M)
+    lap(correction, lambda along_m: 0.05 if round(along_m / 0.3) % 2 else -0.05)
+    assert max(abs(correction.aim_m(float(along_m), 1.0)) for along_m in WAYS_M) < 0.01
+
+
+def test_what_was_learnt_fades_in_laps_without_an_error():
+    correction = LapCorrection(LENGTH_M)
+    for _ in range(4):
+        lap(correction, lambda _: 0.04)
+    learnt_m = correction.aim_m(20.0, 1.0)
+    lap(correction, lambda _: 0.0)
+    assert correction.aim_m(20.0, 1.0) == pytest.approx(0.95 * learnt_m)
+
+
 def test_what_is_no_longer_there_is_unlearnt():
     correction = LapCorrection(LENGTH_M)
     lap(correction, lambda _: 0.05)
