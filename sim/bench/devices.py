@@ -77,13 +77,13 @@ class BenchTcpPort:
 
 
 class LidarPort:
-    """Lidar port; one client."""
+    """Lidar port; one client. settings: the car's, as `--set` takes them."""
 
     def __init__(self, model: SensorModel, door: BenchTcpPort) -> None:
         self._sensor = ScipSensor(model, time.monotonic, lambda: None)
         self._door = door
         self._served = False
-        self.address = door.address
+        self.settings: tuple[str, ...] = (f"lidar.address={door.address}",)
 
     @property
     def fd(self) -> int:

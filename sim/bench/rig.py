@@ -73,13 +73,14 @@ class Rig:
 
     subscribers: number of processes that subscribe to all the telemetry. telemetry: whether it is enabled. fifo: car
     and emulators are scheduled before all others, as systemd does it; PermissionError where that is not allowed.
-    every_core: the car may use the emulators' core as well; else it does not use it.
-    started_s: when the process was started (monotonic). scans_sent: since then.
+    every_core: the car may use the emulators' core as well; else it does not use it. lidar: another port than SCIP's.
+    endpoint: where the car's session listens. started_s: when the process was started (monotonic). scans_sent: since
+        then.
     """
 
     def __init__(
         self, course: BenchScans, assignments: Sequence[str] = (), *, subscribers: int = 1, telemetry: bool = True,
-        fifo: bool = False, every_core: bool = False,
+        fifo: bool = False, every_core: bool = False, lidar: LidarPort | None = None,
     ) -> None:  # fmt: skip
         self._course = course
         self._assignments = [*_SETTINGS, *assignments]
@@ -87,6 +88,7 @@ class Rig:
         self._telemetry = telemetry
         self._fifo = fifo
         self._every_core = every_core
+        self._lidar = lidar
         self.scans_sent = 0
         self._subscribers: list[subprocess.Popen[str]] = []
 
@@ -95,14 +97,15 @@ class Rig:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
         self._folder = tempfile.TemporaryDirectory(prefix="wallride-bench-")
         folder = Path(self._folder.name)
-        self.ports = Ports(LidarPort(self._course.model, BenchTcpPort()), MotorPort(BenchTcpPort()))
+        lidar = self._lidar or LidarPort(self._course.model, BenchTcpPort())
+        self.ports = Ports(lidar, MotorPort(BenchTcpPort()))
         self._log = folder / "log"
         (folder / "car.toml").write_text("")  # the settings of this machine's own car do not apply
         endpoint = free_endpoint()
         settings = [
             f"recording.folder={folder / 'recordings'}",
             *self._assignments,
-            f"lidar.address={self.ports.lidar.address}",
+            *lidar.settings,
             f"motor.address={self.ports.motor.address}",
             f"telemetry.enabled={str(self._telemetry).lower()}",
             f'telemetry.listen=["{endpoint}"]',
@@ -118,7 +121,7 @@ class Rig:
                 stderr=log,
                 preexec_fn=partial(be_the_car, os.sched_getaffinity(0) if self._every_core else own_computer()),  # noqa: PLW1509 - one thread here
             )
-        self._endpoint = endpoint
+        self.endpoint = endpoint
         self._cores = os.sched_getaffinity(0)
         os.sched_setaffinity(0, another_computer())
         return self
@@ -155,7 +158,7 @@ class Rig:
         while not self.ports.lidar.streaming:
             self._check(give_up_s, "did not ask the lidar for scans")
             self.ports.serve_once(0.05)
-        listen = [sys.executable, "-m", "wallride.sim.bench.subscriber", self._endpoint, CAR]
+        listen = [sys.executable, "-m", "wallride.sim.bench.subscriber", self.endpoint, CAR]
         for _ in range(self._count):
             subscriber = subprocess.Popen(listen, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
             self._subscribers.append(subscriber)
