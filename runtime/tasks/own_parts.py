@@ -9,9 +9,8 @@ import numpy as np
 
 from wallride.drivers.api import Clock, Scan
 from wallride.runtime.control.laws import LiveLaws
-from wallride.runtime.control.perception.geometry import bearings_rad
 from wallride.runtime.control.perception.own_parts import KnownParts
-from wallride.runtime.control.perception.window_dirt import patches
+from wallride.runtime.control.perception.window_dirt import groups
 from wallride.runtime.recording import own_parts_memory as memory
 from wallride.runtime.recording.own_parts_memory import RememberedParts
 from wallride.runtime.wire import topics
@@ -105,16 +104,14 @@ class OwnPartsKeeper:
 
 
 def _patches(known: KnownParts) -> list[dict[str, float]]:
-    which, ranges_m = np.zeros(known.beams, np.bool_), np.full(known.beams, np.nan)
-    for beam, range_m in known.ranges_m:
-        which[beam], ranges_m[beam] = True, range_m
-    found = patches(which, bearings_rad(known.angle_min_rad, known.angle_step_rad, known.beams))
-    first_deg, step_deg = np.degrees(known.angle_min_rad), np.degrees(known.angle_step_rad)
-    said = []
-    for beams, bearing_deg in found:
-        middle = (bearing_deg - first_deg) / step_deg
-        near = ranges_m[max(0, round(middle - beams / 2)) : round(middle + beams / 2) + 1]
-        said.append(
-            {"beams": beams, "bearing_deg": round(bearing_deg, 1), "range_m": round(float(np.nanmedian(near)), 2)}
-        )
-    return said
+    beam = np.array([beam for beam, _ in known.ranges_m], np.intp)
+    range_m = np.array([range_m for _, range_m in known.ranges_m])
+    bearing_deg = np.degrees(known.angle_min_rad + known.angle_step_rad * beam)
+    return [
+        {
+            "beams": group.size,
+            "bearing_deg": round(float(bearing_deg[group].mean()), 1),
+            "range_m": round(float(np.median(range_m[group])), 2),
+        }
+        for group in groups(beam)
+    ]

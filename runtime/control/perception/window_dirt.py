@@ -196,7 +196,10 @@ def runs_with(which: Booleans, some: Booleans) -> Booleans:
 def patches(which: Booleans, bearing_rad: Floats) -> list[tuple[int, float]]:
     """Return (beams, middle bearing in degrees) of each patch of beams; small gaps do not divide a patch."""
     index = np.flatnonzero(which)
-    if not index.size:
-        return []
-    groups = np.split(index, np.flatnonzero(np.diff(index) > GROUP_BEAMS) + 1)
-    return [(int(group.size), math.degrees(float(bearing_rad[group].mean()))) for group in groups]
+    return [(int(group.size), math.degrees(float(bearing_rad[index[group]].mean()))) for group in groups(index)]
+
+
+def groups(beam: npt.NDArray[np.intp]) -> list[npt.NDArray[np.intp]]:
+    """Return the places in a list of beams, (n,), ascending, of those of each patch."""
+    places = np.arange(beam.size)
+    return np.split(places, np.flatnonzero(np.diff(beam) > GROUP_BEAMS) + 1) if beam.size else []

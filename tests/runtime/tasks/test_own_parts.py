@@ -64,6 +64,16 @@ def file(tmp_path):
     return tmp_path / FILE
 
 
+def test_a_part_of_few_beams_apart_from_each_other_has_a_distance_too(tmp_path):
+    apart = replace(KNOWN, ranges_m=tuple((beam, 0.9) for beam in (122, 123, 128, 133, 139, 144, 153)))
+    write(tmp_path / FILE, RememberedParts(CAR, MINE, "2026-01-01", apart))
+    run = Run(tmp_path / FILE)
+    run.scan()
+    (patch, last) = run.keeper.status()["patches"]
+    assert (patch["beams"], patch["range_m"]) == (6, 0.9)
+    assert (last["beams"], last["range_m"]) == (1, 0.9)
+
+
 def test_what_was_written_is_known_with_the_first_scan(file):
     run = Run(file)
     assert run.scan() == KNOWN.ranges_m
