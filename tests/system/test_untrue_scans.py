@@ -16,7 +16,7 @@ from wallride.sim.car.vehicle_settings import VehicleSettings
 from wallride.sim.devices.turning import TurningHead
 from wallride.sim.virtual import turning_sensor
 from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, Case, drive
-from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.beams import NO_RETURN_MM, LidarSettings
 from wallride.sim.world.worlds import load_world
 
 FROM_S = 3.0
@@ -47,6 +47,10 @@ class Untrue:
 
     def _noisy(self, _, noise_mm):
         return self.seen[-1] + noise_mm
+
+    def _dusty(self, _, noise_mm):
+        lost = np.random.default_rng(self.late).random(BEAMS) < 0.13
+        return np.where(lost, NO_RETURN_MM, self.seen[-1] + noise_mm)
 
     def _flickering(self, _, __):
         frozen_mm = self.seen[-1].copy()
@@ -98,6 +102,7 @@ def test_a_lidar_that_is_turned_in_the_drive_stops_the_car(kind, world):
 
 NAMED_OF = {
     "noisy": {scene_agreement.STANDS},
+    "dusty": {scene_agreement.STANDS},
     "flickering": {scene_agreement.REPEATED, scene_agreement.STANDS},
     "looped": {scene_agreement.REPEATED},
 }

@@ -23,6 +23,9 @@ POINTS = 150
 ENOUGH_POINTS = 40
 CAP_M = 0.1
 """Maximum misfit of one point: beyond it a point only counts as not fitting, because people walk and edges hide."""
+HOLE_RAD = math.radians(1.1)
+"""Maximum hole in the earlier scan that is bridged. Beams that are lost now and then, as in dust, would else be misfits
+wherever a point meets them, and a stored scan with such beams would not stand."""
 FITS_M, FITS_NOT_M = 0.03, 0.09
 """Maximum misfit of a point that votes for a motion, and minimum misfit of the same point in the other one."""
 TELLS_M, ENOUGH_TELL = 0.05, 12
@@ -95,12 +98,26 @@ def _off_m(before: Scan, x_m: Floats, y_m: Floats) -> Floats:
     index = np.floor(place).astype(np.intp)
     known = (index >= 0) & (index < before.ranges_m.shape[0] - 1)
     index[~known] = 0
-    # Between two beams a wall's 1 / range is straight; the nearest beam's range instead would favour no shift at all.
-    nearness = 1.0 / before.ranges_m.astype(np.float64)
+    nearness = _nearness(before)
     first, share = nearness[index], place - index
     there_m = 1.0 / (first + share * (nearness[index + 1] - first))
     off_m = np.abs(np.hypot(x_m, y_m) - there_m)
     return np.where(known & (off_m < CAP_M), off_m, CAP_M)  # NaN is not smaller
+
+
+def _nearness(scan: Scan) -> Floats:
+    """Return 1 / range of all beams, (beams,), NaN in holes wider than HOLE_RAD.
+
+    Between two beams a wall's 1 / range is straight; the nearest beam's range instead would favour no shift at all.
+    """
+    nearness = 1.0 / scan.ranges_m.astype(np.float64)
+    seen = np.isfinite(nearness).nonzero()[0]
+    if seen.size < 2:
+        return nearness
+    after = np.searchsorted(seen, np.arange(seen[0], seen[-1]), side="right")
+    narrow = np.arange(seen[0], seen[-1])[(seen[after] - seen[after - 1]) * scan.angle_step_rad <= HOLE_RAD]
+    nearness[narrow] = np.interp(narrow, seen, nearness[seen])
+    return nearness
 
 
 def _shifted(
