@@ -73,14 +73,14 @@ class Rig:
 
     subscribers: number of processes that subscribe to all the telemetry. telemetry: whether it is enabled. fifo: car
     and emulators are scheduled before all others, as systemd does it; PermissionError where that is not allowed.
-    every_core: the car may use the emulators' core as well; else it does not use it. lidar: another port than SCIP's.
+    every_core: the car may use the emulators' core as well; else it does not use it.
     endpoint: where the car's session listens. started_s: when the process was started (monotonic). scans_sent: since
         then.
     """
 
     def __init__(
         self, course: BenchScans, assignments: Sequence[str] = (), *, subscribers: int = 1, telemetry: bool = True,
-        fifo: bool = False, every_core: bool = False, lidar: LidarPort | None = None,
+        fifo: bool = False, every_core: bool = False,
     ) -> None:  # fmt: skip
         self._course = course
         self._assignments = [*_SETTINGS, *assignments]
@@ -88,7 +88,6 @@ class Rig:
         self._telemetry = telemetry
         self._fifo = fifo
         self._every_core = every_core
-        self._lidar = lidar
         self.scans_sent = 0
         self._subscribers: list[subprocess.Popen[str]] = []
 
@@ -97,7 +96,7 @@ class Rig:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
         self._folder = tempfile.TemporaryDirectory(prefix="wallride-bench-")
         folder = Path(self._folder.name)
-        lidar = self._lidar or LidarPort(self._course.model, BenchTcpPort())
+        lidar = self.lidar_port()
         self.ports = Ports(lidar, MotorPort(BenchTcpPort()))
         self._log = folder / "log"
         (folder / "car.toml").write_text("")  # the settings of this machine's own car do not apply
@@ -151,6 +150,10 @@ class Rig:
     def commands(self) -> list[MotorCommand]:
         """Return the motor commands until now."""
         return self.ports.motor.commands
+
+    def lidar_port(self) -> LidarPort:
+        """Return the port of the lidar; for another kind of lidar to override."""
+        return LidarPort(self._course.model, BenchTcpPort())
 
     def start(self) -> None:
         """Wait for the stream; then start the subscribers."""

@@ -1,6 +1,6 @@
 """What a scan from elsewhere costs: `lidar.driver = "topic"` beside the built-in driver, by turns.
 
-Run: python -m benchmarks.scan_topic [--rounds N] [--seconds S]. Needs an otherwise idle computer.
+Run: python -m benchmarks.lidar.topic[--rounds N] [--seconds S]. Needs an otherwise idle computer.
 
 40 Hz of 1081 beams, by a Hokuyo over TCP and by sensor_msgs/LaserScan over a zenoh session of the benchmark's process.
 A sample ends with the motor command's first byte. It begins, as in `wallride bench`, when the kernel has the last byte
@@ -119,6 +119,15 @@ class TopicPort(LidarPort):
             self._session.close()
 
 
+class TopicRig(Rig):
+    """A car whose scans are published by `topic`."""
+
+    def lidar_port(self) -> TopicPort:
+        """Return the publisher."""
+        self.topic = TopicPort(self._course)
+        return self.topic
+
+
 def built_in(course: BenchScans, scans: int) -> dict[str, float]:
     """Return the figures of the Hokuyo over TCP, in ms."""
     with Rig(course) as rig:
@@ -129,15 +138,14 @@ def built_in(course: BenchScans, scans: int) -> dict[str, float]:
 
 def published(course: BenchScans, scans: int, *, forwarded: bool) -> dict[str, float]:
     """Return the figures of the topic, in ms, from `put` or from the kernel's last byte."""
-    port = TopicPort(course)
-    with Rig(course, lidar=port) as rig:
+    with TopicRig(course) as rig:
         give_up_s = time.monotonic() + 20
         while not is_taken(rig.endpoint):
             if time.monotonic() > give_up_s:
                 raise BenchError(f"the car did not listen; it said:\n{rig.log}")
             rig.ports.serve_once(0.05)
         forwarder = Forwarder(int(rig.endpoint.rpartition(":")[2])) if forwarded else None
-        port.open(forwarder.endpoint if forwarder else rig.endpoint)
+        rig.topic.open(forwarder.endpoint if forwarder else rig.endpoint)
         rig.start()
         rig.feed([False] * WARM_UP_SCANS, RATE_HZ)
         sent = rig.feed([False] * scans, RATE_HZ)

@@ -1,4 +1,4 @@
-"""How far the car goes on by a lidar that tells no truth. Run: python -m benchmarks.untrue_lidars [--lidars x2,a2].
+"""How far the car goes on by a lidar that tells no truth. Run: python -m benchmarks.lidar.untrue [--lidars x2,a2].
 
 The whole car in virtual time by each emulated lidar's bytes (the UST-10LX's scans), at 1 m/s, noise of 10 mm, 0.5 %
 outliers, a VESC. Metres from the fault to standstill; the faults come after 2.5 m in `l_turn`, a turned lidar is so
