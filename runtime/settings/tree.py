@@ -7,7 +7,7 @@ key, never a silent default. Layers, later ones winning: defaults here, the file
 import difflib
 import json
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
@@ -58,7 +58,16 @@ GONE = frozenset({"process.prefetch"})
 
 
 class SettingsError(Exception):
-    """The settings cannot be used; the text names each key or path and the remedy."""
+    """The settings cannot be used; the text names each key or path and the remedy.
+
+    wrong: the sections with a mistake; empty where it is of no single section, or nothing could be read.
+    right: what the other sections say.
+    """
+
+    def __init__(self, text: str, wrong: Iterable[str] = (), tree: Mapping[str, Any] = MappingProxyType({})) -> None:
+        super().__init__(text)
+        self.wrong = frozenset(wrong)
+        self.right = {name: values for name, values in tree.items() if name not in self.wrong}
 
 
 class MuxSettings(Section):
@@ -216,7 +225,8 @@ def settings_from(
     for item in mistakes:
         where = next((at for at, layer in sources if _holds(layer, item["loc"])), name)
         found.setdefault(where, []).append(_sentence(item, tree))
-    raise SettingsError("; ".join(f"{where}: {'; '.join(lines)}" for where, lines in found.items()))
+    text = "; ".join(f"{where}: {'; '.join(lines)}" for where, lines in found.items())
+    raise SettingsError(text, (str(item["loc"][0]) for item in mistakes if item["loc"]), tree)
 
 
 def _holds(layer: Mapping[str, Any], place: Sequence[str | int]) -> bool:

@@ -49,12 +49,13 @@ def run(options: argparse.Namespace) -> int:
     if options.wheels_up and not _confirmed():
         return fail("nothing was turned: --wheels-up needs the confirmation")
     logging.getLogger().addHandler(logging.NullHandler())  # what the drivers log is in the findings
-    settings, first = find_settings(options.config or default_config(), options.assignments, options.only or GROUPS)
+    groups = options.only or GROUPS
+    settings, wrong, first = find_settings(options.config or default_config(), options.assignments, groups)
     found = [first]
 
     async def look() -> None:
         ask = _answer if options.wheels_up else None
-        async for finding in examine(this_computer(), settings, options.only or GROUPS, wheels_up=ask):
+        async for finding in examine(this_computer(), settings, groups, wheels_up=ask, wrong=wrong):
             found.append(finding)
             if not options.json:
                 say(line(finding))

@@ -1,9 +1,13 @@
 """Runs the checks in the order in which a car is set up: settings, computer, ports, devices, access."""
 
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence, Set
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Final
+
+from pydantic import ValidationError
 
 from wallride.doctor.access import Holder, check_access
 from wallride.doctor.computer import Computer
@@ -31,31 +35,48 @@ ACTIVE: Final = "/run/systemd/units/invocation:wallride.service"
 """A link that systemd keeps while the unit is active."""
 STOP_FIRST: Final = "sudo systemctl stop wallride, then look again; sudo systemctl start wallride afterwards"
 DEVICES: Final = frozenset({"ports", "lidar", "motor"})
+PARTS: Final = frozenset({"lidar", "motor"})
+"""Devices with a section of the settings."""
 GROUPS: Final = ("program", "computer", "ports", "lidar", "motor", "access", "joystick")
 
 
 def find_settings(
     config: Path | None, assignments: Sequence[str], groups: Sequence[str] = GROUPS
-) -> tuple[Settings, Finding]:
-    """Return the settings and what is to be said of them; the defaults where they are unusable.
+) -> tuple[Settings, frozenset[str], Finding]:
+    """Return the settings, the devices whose settings are wrong, and what is to be said of them.
 
-    Own laws and drivers are imported where these groups look at them.
+    A wrong section has the defaults in its place. Own laws and drivers are imported where these groups look at them.
     """
     where = str(config) if config is not None else "no file: the defaults"
     try:
         settings = load_settings(config, assignments, laws="program" in groups, drivers=bool(DEVICES & set(groups)))
         if found := colliding_places(settings, [config]):
-            return settings, fail("settings", "; ".join(found), "correct the file: the car does not start with it")
-        return settings, ok("settings", where)
+            finding = fail("settings", "; ".join(found), "correct the file: the car does not start with it")
+            return settings, frozenset(), finding
+        return settings, frozenset(), ok("settings", where)
     except SettingsError as error:
-        return Settings(), fail("settings", str(error), "correct the file; until then the defaults are looked at")
+        settings, wrong = _usable(error)
+        return settings, wrong, fail("settings", str(error), "correct them; until then the rest is looked at")
+
+
+def _usable(error: SettingsError) -> tuple[Settings, frozenset[str]]:
+    """Return the settings without the wrong sections, and the devices that are not in them."""
+    if error.wrong:
+        with suppress(ValidationError):  # sections that are wrong together
+            settings, wrong = Settings.model_validate(error.right), error.wrong & PARTS
+            searched = isinstance(settings.lidar, AutoLidarSettings)  # on every port but the motor's
+            return settings, PARTS if searched and wrong else wrong
+    return Settings(), PARTS
 
 
 async def examine(
     computer: Computer, settings: Settings, groups: Sequence[str] = GROUPS, *, wheels_up: Ask | None = None,
-    holder: Holder = holder_of,
+    holder: Holder = holder_of, wrong: Set[str] = frozenset(),
 ) -> AsyncIterator[Finding]:  # fmt: skip
-    """Yield the findings of these groups as they come. wheels_up: turns the wheels, and asks; None: nothing moves."""
+    """Yield the findings of these groups as they come.
+
+    wheels_up: turns the wheels, and asks; None: nothing moves. wrong: devices that are not known, by `find_settings`.
+    """
     ports: list[Finding] = []
     if DEVICES & set(groups):
         if computer.path(ACTIVE).is_symlink():
@@ -66,7 +87,7 @@ async def examine(
             words = f"the car runs and has them (wallride run, process {pid}): they are not looked at"
             yield warn("devices", words, f"end it, then look again: Ctrl-C in its terminal, or kill {pid}")
         else:
-            ports = check_ports(computer, settings)
+            ports = [one for one in check_ports(computer, settings) if one.subject.removesuffix(" port") not in wrong]
     unusable = {finding.subject for finding in ports if finding.level is Level.FAIL}
 
     def blamed(port: str) -> list[Finding]:
@@ -85,10 +106,15 @@ async def examine(
         "access": access(),
         "joystick": _each(lambda: check_joystick(computer)),
     }
+    steps |= {device: _each(partial(_unknown, device)) for device in wrong}
     for group in GROUPS:
         if group in groups:
             async for finding in steps[group]:
                 yield finding
+
+
+def _unknown(device: str) -> list[Finding]:
+    return [warn(device, "not looked at: its settings are wrong", "correct them first, then look again")]
 
 
 async def _each(check: Callable[[], list[Finding]]) -> AsyncIterator[Finding]:

@@ -111,6 +111,30 @@ def test_wrong_settings_are_a_finding_and_the_rest_is_looked_at(tmp_path, capsys
     assert "gamepad" in out
 
 
+MOTOR_AWAY = "motor.address=serial:///dev/nothing-here"
+LIDAR_AWAY = "lidar.address=tcp://127.0.0.1:1"
+
+
+@pytest.mark.parametrize(
+    ("settings", "unknown", "looked_at"),
+    [
+        (["lidar.driver=nowhere:Lidar", MOTOR_AWAY], {"lidar"}, {"motor port"}),
+        (["lidar.driver=hokyo", MOTOR_AWAY], {"lidar"}, {"motor port"}),
+        (["lidar.adress=1", MOTOR_AWAY], {"lidar"}, {"motor port"}),
+        (["motor.adress=1", LIDAR_AWAY], {"motor"}, {"lidar"}),
+        (["motor.adress=1", "lidar.driver=auto"], {"lidar", "motor"}, set()),
+        (["motor=1", "lidar.driver=topic", "ros2.enabled=false"], {"lidar", "motor"}, set()),
+        (["wall_follow.sped_mps=1", MOTOR_AWAY, LIDAR_AWAY], set(), {"lidar", "motor port"}),
+    ],
+)
+def test_a_device_with_wrong_settings_is_not_looked_at_by_the_defaults(settings, unknown, looked_at, capsys):
+    assert main(["doctor", *DEVICES, "--json", *(word for one in settings for word in ("--set", one))]) == 2
+    found = json.loads(capsys.readouterr().out)["findings"]
+    told = {one["subject"] for one in found if "its settings are wrong" in one["words"]}
+    failed = {one["subject"] for one in found if one["level"] == "fail"}
+    assert (told, failed) == (unknown, looked_at | {"settings"})
+
+
 def test_the_groups_of_the_command_are_those_of_the_checks():
     assert doctor_options.GROUPS == examine.GROUPS
 
