@@ -5,6 +5,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, field_validator
 
+from wallride.drivers.address import parse_address
 from wallride.drivers.auto.settings import AutoLidarSettings
 from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.drivers.maestro.settings import MaestroSettings
@@ -88,6 +89,13 @@ ChosenMotor = Annotated[
     | Annotated[OwnMotorSettings, Tag(OWN_TAG)],
     _driver("motor"),
 ]
+
+
+def share_an_address(lidar: AnyLidarSettings, motor: AnyMotorSettings) -> bool:
+    """Tell whether lidar and motor are at one address; those of own drivers are their own affair."""
+    texts = [text for name, text in addresses(lidar, motor) if ".own." not in name and text]
+    places = {str(parse_address(text)).partition("?")[0] for text in texts}
+    return len(places) < len(texts)
 
 
 def addresses(lidar: AnyLidarSettings, motor: AnyMotorSettings) -> Iterator[tuple[str, str]]:

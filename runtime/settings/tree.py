@@ -39,6 +39,7 @@ from wallride.runtime.settings.devices import (
     OWN_DRIVERS,
     ChosenLidar,
     ChosenMotor,
+    share_an_address,
 )
 from wallride.runtime.settings.imports import import_named, search_beside
 from wallride.runtime.settings.operator import JoystickSettings, OperatorSettings, PlannerSettings
@@ -170,6 +171,12 @@ class Settings(Section):
         return self
 
     @model_validator(mode="after")
+    def _one_device_an_address(self) -> "Settings":
+        if share_an_address(self.lidar, self.motor):
+            raise ValueError("lidar.address and motor.address are the same: name the port of each device")
+        return self
+
+    @model_validator(mode="after")
     def _drive_needs_its_parts(self) -> "Settings":
         if self.ros2.drive and not (self.ros2.enabled and self.planners.enabled):
             raise ValueError("ros2.drive needs ros2.enabled = true and planners.enabled = true")
@@ -223,7 +230,7 @@ def settings_from(
     sources = (("--set", said), *layers.items())
     found: dict[str, list[str]] = {}
     for item in mistakes:
-        where = next((at for at, layer in sources if _holds(layer, item["loc"])), name)
+        where = next((at for at, layer in sources if item["loc"] and _holds(layer, item["loc"])), name)
         found.setdefault(where, []).append(_sentence(item, tree))
     text = "; ".join(f"{where}: {'; '.join(lines)}" for where, lines in found.items())
     raise SettingsError(text, (str(item["loc"][0]) for item in mistakes if item["loc"]), tree)
@@ -328,6 +335,8 @@ def _sentence(error: Mapping[str, Any], tree: Mapping[str, Any]) -> str:
     if key == "car.name" and error["type"] == "string_pattern_mismatch":
         return f"{key} = {error['input']!r}: must be {NAME_RULE}, for example car1"
     message = str(error["msg"]).removeprefix("Value error, ")
+    if not path:  # of several sections
+        return message
     return f"{key} = {error['input']!r}: {message[:1].lower()}{message[1:]}"
 
 

@@ -175,3 +175,16 @@ def test_a_pipe_without_a_writer_is_not_waited_for(tmp_path):
 def test_a_file_without_an_end_is_refused_and_not_read_for_ever():
     with pytest.raises(SettingsError, match=r"^/dev/zero: is not a settings file: it is longer than 1 MB$"):
         load_settings(Path("/dev/zero"))
+
+
+@pytest.mark.parametrize("other", ["serial:///dev/port", "serial:///dev/port?baud=460800"])
+def test_one_address_for_two_devices_is_refused_and_blamed_on_the_file(tmp_path, other):
+    file = tmp_path / "car.toml"
+    file.write_text(f"[lidar]\naddress = 'serial:///dev/port'\n[motor]\naddress = '{other}'\n")
+    words = r"car\.toml: lidar\.address and motor\.address are the same: name the port of each device$"
+    with pytest.raises(SettingsError, match=words):
+        load_settings(file)
+    load_settings(file, ["motor.address=serial:///dev/other"])
+    load_settings(file, ["motor.driver=maestro"])
+    load_settings(file, ["lidar.driver=auto", "lidar.address="])
+    load_settings(file, ["motor.driver=my_motor:Motor", "motor.own.address=serial:///dev/port"])
