@@ -325,7 +325,9 @@ def _sentence(error: Mapping[str, Any], tree: Mapping[str, Any]) -> str:
         meant = f"did you mean {'.'.join([*map(str, path[:-1]), near[0]])}? " if near else ""
         others = _methods_with(str(path[0]), str(path[-1])) if len(path) > 1 else []
         if others and not meant:
-            return f"{key} is a setting of {' and '.join(others)}; delete it. Known here: {', '.join(known)}"
+            own = not path[1:-1] and path[0] in DRIVERS and OWN_TAG in error["loc"]
+            remedy = f"delete it, or write it below [{path[0]}.own]" if own else "delete it"
+            return f"{key} is a setting of {' and '.join(others)}; {remedy}. Known here: {', '.join(known)}"
         return f"{key} is not a setting; {meant}known here: {', '.join(known)}"
     if error["type"] == "union_tag_invalid":
         choice = "driver" if key in DRIVERS else "method"

@@ -1,6 +1,7 @@
 """Layers, and messages that name the key and the remedy."""
 
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -150,6 +151,17 @@ def test_gains_left_in_the_file_of_an_own_law_are_told_with_the_remedy(tmp_path,
     remedy = r"wall_follow\.kp is a setting of ball and report and line and corridor; delete it"
     with pytest.raises(SettingsError, match=remedy):
         load_settings(file)
+
+
+@pytest.mark.parametrize(
+    ("section", "others"), [("lidar", "hokuyo and rplidar and ydlidar and auto"), ("motor", "vesc and maestro")]
+)
+def test_an_address_beside_an_own_driver_is_told_its_place(section, others):
+    said = f"{section}.address is a setting of {others}; delete it, or write it below [{section}.own]. Known here: "
+    with pytest.raises(SettingsError, match=re.escape(said)):
+        load_settings(None, [f"{section}.driver=my:Driver", f"{section}.address=serial:///dev/port"])
+    with pytest.raises(SettingsError, match=r"lidar\.address is a setting of .*; delete it\. Known here"):
+        load_settings(None, ["lidar.driver=topic", "lidar.address=serial:///dev/port"])
 
 
 def test_a_setting_that_is_gone_is_named_with_the_remedy(tmp_path):
