@@ -155,7 +155,7 @@ class Car:
     def _add_watches(self) -> None:
         """Add what looks at devices, laws and battery, and limits or names what it finds."""
         settings, lidar, motor, clock = self.settings, self.lidar, self.motor, self.clock
-        self.scan_speed = scan_speed.SpeedByScans(motor, settings.car)
+        self.scan_speed = scan_speed.SpeedByScans(motor, settings.car, self.queue)
         self.battery = BatteryLimit(settings.battery, motor, self.queue, self.operator.rearm)
         self.own_law = OwnLawWatch(
             self.laws, self.permit, self.operator.rearm, lambda: self.stack.apply(self.stack.settings), clock

@@ -90,12 +90,18 @@ class PwmMotor(ABC):
         return most_mps if self._port is None or not self._port.unguarded else min(most_mps, UNGUARDED_MPS)
 
     @property
+    def bounded_by(self) -> str:
+        """What bounds the speed: the setting, or what the board lacks."""
+        unguarded = self._port is not None and self._settings.max_speed_mps > UNGUARDED_MPS and self._port.unguarded
+        return unguarded or "motor.max_speed_mps"
+
+    @property
     def words(self) -> tuple[str, ...]:
         """What bounds the speed, in sentences."""
         if self._port is None or not self._ready:
             return ()
-        guard = f": {self._port.unguarded}" if self._port.unguarded else ""
-        words = [f"the motor allows {self.max_speed_mps:.1f} m/s{guard}"]
+        why = "; ".join(dict.fromkeys(filter(None, (self.bounded_by, self._port.unguarded))))
+        words = [f"the motor allows {self.max_speed_mps:.1f} m/s: {why}"]
         if self._loop.blind:
             words.append(f"the scans do not tell the speed: {self._settings.blind_speed_mps:.1f} m/s at most")
         return tuple(words)

@@ -1,6 +1,6 @@
 """Command sources, their commands and speed limits, and the pure function that arbitrates between them.
 
-A source either *drives* (teleop, navigation) or *limits* the speed of every less urgent source (e-stop, battery,
+A source either *drives* (teleop, navigation) or *limits* the speed of every less urgent source (e-stop, battery, motor,
 safety, permit). "Checked, no objection" is a limit of infinity, which is not the same as silence. No queue, no clock
 and no I/O here: a table of cases tests it completely.
 """
@@ -24,6 +24,7 @@ class Source(StrEnum):
 
     ESTOP = "e-stop"
     BATTERY = "battery"
+    MOTOR = "motor"
     TELEOP = "teleop"
     SAFETY = "safety"
     PERMIT = "permit"
@@ -35,8 +36,9 @@ class Source(StrEnum):
 LAB_ORDER = (Source.ESTOP, Source.TELEOP, Source.SAFETY, Source.PERMIT, Source.NAVIGATION)
 """The lab's priority order: joystick over safety over navigation, with e-stop above all and the permit below safety.
 
-Battery and planners are no part of it: the battery's place is behind the e-stop, that of planners and of what keeps the
-follower from driving in a planner's place before navigation (`Settings.effective_order`)."""
+Battery, motor and planners are no part of it: the battery's place is behind the e-stop, a motor's that bounds the speed
+behind that, that of planners and of what keeps the follower from driving in a planner's place before navigation
+(`Settings.effective_order`)."""
 
 DRIVING = frozenset({Source.TELEOP, Source.PLANNER, Source.NAVIGATION})
 

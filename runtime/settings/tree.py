@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from wallride.drivers.hokuyo.settings import HokuyoSettings
+from wallride.drivers.pwm.settings import PwmSettings
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.arbitration.command import LAB_ORDER, Source
 from wallride.runtime.control.battery import BatterySettings
@@ -152,13 +153,13 @@ class Settings(Section):
         return RosGraph(ros2.domain, ros2.distro, node_name(self.car.name)) if ros2.enabled else None
 
     def effective_order(self) -> tuple[Source, ...]:
-        """Return the mux's order: with the battery, and with safety above the human where `safety.binds_teleop`."""
+        """Return the mux's order, with battery and motor, safety above the human by `safety.binds_teleop`."""
         order: list[Source] = [source for source in self.mux.order if source is not Source.SAFETY]
         position = self.mux.order.index(Source.SAFETY)
         if self.safety.binds_teleop:
             position = min(position, order.index(Source.TELEOP))
         order.insert(position, Source.SAFETY)
-        order.insert(1, Source.BATTERY)
+        order[1:1] = [Source.BATTERY, Source.MOTOR] if isinstance(self.motor, PwmSettings) else [Source.BATTERY]
         if self.planners.enabled:
             position = order.index(Source.NAVIGATION)
             order[position:position] = [Source.PLANNER, Source.PLANNER_HOLD]

@@ -45,19 +45,20 @@ class TurningMemoryLidar:
 
 
 class PwmDrive:
-    """A drive. lidar: a word of the command line; beams: the noise of its ranges.
+    """A drive. lidar: a word of the command line; beams: the noise of its ranges; motor: settings of it.
 
     seen: time, true speed, distance to the wall on the left, and whether the scans do not tell the speed, of each look
     of the lidar. touched: whether the car touched a wall.
     """
 
     def __init__(
-        self, world: str, speed_mps: float = 1.0, lidar: str = HOKUYO, beams: LidarSettings = ROUGH_BEAMS, seed: int = 5
-    ) -> None:
+        self, world: str, speed_mps: float = 1.0, lidar: str = HOKUYO, beams: LidarSettings = ROUGH_BEAMS,
+        seed: int = 5, **motor: float,
+    ) -> None:  # fmt: skip
         self.world = load_world(world, side="left")
         self.settings = Settings.model_validate({
             "lidar": dict(one.removeprefix("lidar.").split("=") for one in assignments(lidar)),
-            "motor": {"driver": "pca9685"},
+            "motor": {"driver": "pca9685", **motor},
             "operator": {"permit": "always"},
             "wall_follow": {"speed_mps": speed_mps},
             "telemetry": {"enabled": False},

@@ -36,6 +36,17 @@ def test_between_bare_walls_it_is_slow_and_says_so():
     assert any("no command timeout" in words for words in said)
 
 
+@pytest.mark.parametrize(
+    ("motor", "most_mps", "why"),
+    [({}, 1.5, "its board has no command timeout"), ({"max_speed_mps": 0.8}, 0.8, "motor.max_speed_mps")],
+)
+def test_what_its_motor_allows_is_what_the_car_decides_and_why(motor, most_mps, why):
+    drive, decided = PwmDrive("corridor", speed_mps=3.0, **motor), []
+    drive.run(6.0, (5.0, lambda it: decided.append(it.car.mux.output.decision)))
+    assert (decided[0].speed_mps, decided[0].winner) == (most_mps, "motor")
+    assert decided[0].reason == f"no faster with this motor ({why})"
+
+
 def test_the_last_pulse_brakes():
     drive = PwmDrive("loop")
     drive.run(5.0)

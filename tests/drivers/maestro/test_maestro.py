@@ -70,6 +70,7 @@ async def test_its_timeout_is_found_and_stops_a_car_that_nothing_commands(rig):
 
 async def test_questions_do_not_feed_the_timeout(rig):
     await rig.driving()
+    assert rig.driver.words[0] == "the motor allows 2.0 m/s: motor.max_speed_mps"
     silent_s = rig.clock()
     await rig.until(lambda: rig.board.demand(rig.clock()).kind == "coast")
     assert rig.clock() - silent_s < 1.5 * rig.board.timeout_s
