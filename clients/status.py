@@ -76,7 +76,8 @@ class StatusListener:
             if car in played:
                 raise ConnectionProblemError(f"{car}: {NOTHING_DRIVES}; it has no status") from None
             raise ConnectionProblemError(
-                f"{car} is there but sends no status: is telemetry.rates_hz.status 0 on the car?"
+                f"{car} is there but sends no status: its process hangs or is stopped, see its log;"
+                " or telemetry.rates_hz.status is 0 on the car"
             ) from None
         return self.newest
 
