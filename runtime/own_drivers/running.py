@@ -103,6 +103,7 @@ class DriverRun:
             given = self.call(lambda: _read(self.made.health))
             if given is not None:
                 self._identity = given.identity = given.identity or self._identity  # a lost device is no other device
+                given.message = given.message or given.identity
                 return given
         if not self.fault:
             return Health(identity=self._identity)

@@ -102,9 +102,10 @@ def judge_lidar(report: LidarReport) -> list[Finding]:
         return [fail("lidar", health.message, remedy_of(health.message))]
     if health.link is not LinkState.READY:
         return [warn("lidar", health.message, remedy_of(health.message))]
-    found = [ok("lidar", f"{health.identity}; {health.message}")]
+    words = "; ".join(dict.fromkeys(filter(None, (health.identity, health.message))))
+    found = [ok("lidar", words)]
     if "says of itself" in health.message:
-        found = [warn("lidar", f"{health.identity}; {health.message}", "switch it off and on; wipe its window")]
+        found = [warn("lidar", words, "switch it off and on; wipe its window")]
     if "its head turns at" in health.message:
         found.append(
             warn("lidar motor", health.message, "use a USB hub with a supply; take what touches its head away")

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tests.own_drivers import HEAD, driver_file
-from wallride.drivers.api import LinkState, Scan
+from wallride.doctor.lidar import LidarReport, judge_lidar
+from wallride.drivers.api import Health, LinkState, Scan
 from wallride.drivers.scan_check import ScanCheck
 from wallride.runtime.arbitration.inbox import Inbox
 from wallride.runtime.lidars import own_driver_mistakes
@@ -364,6 +365,15 @@ def test_a_driver_with_a_fault_is_no_other_device(driver_file):
     _, _, one, _ = driven(driver_file(DRIVER.format(then=then)), 0.8)
     assert one.health.link is LinkState.FAULTY
     assert one.health.identity == "LD 7"
+
+
+def test_a_driver_without_a_message_is_told_by_its_identity(driver_file):
+    scans, seen, _, _ = driven(
+        driver_file(DRIVER.format(then="self.health.identity, self.health.message = 'LD 7', ''")), 1.0
+    )
+    assert seen[-1][1:] == (LinkState.READY, "LD 7")
+    looked_at = LidarReport(Health(*seen[-1][1:], identity="LD 7"), [scan for _, scan in scans])
+    assert judge_lidar(looked_at)[0].words == "LD 7"
 
 
 def test_a_driver_that_hangs_for_long_is_made_anew(driver_file):
