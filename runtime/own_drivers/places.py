@@ -1,5 +1,6 @@
 """Where code of the user is just now: the line that waits, the line that calls, the line that holds up the loop."""
 
+import asyncio
 import itertools
 import logging
 import os
@@ -11,6 +12,7 @@ from types import FrameType
 from typing import Any, Final
 
 from wallride.drivers.api import Clock
+from wallride.drivers.link import until_lost
 from wallride.runtime.host.user_module import shown
 
 LOOK_S: Final = 0.05
@@ -27,12 +29,19 @@ log = logging.getLogger("wallride.own_drivers")
 
 
 def waiting_place(coroutine: Any, file: Path) -> str:  # noqa: ANN401 - coroutines, generators, futures
-    """Return "FILE:LINE" of the innermost line of this file at which a coroutine waits, "" where there is none."""
+    """Return "FILE:LINE" of the innermost line of this file at which a coroutine waits, "" where there is none.
+
+    What `until_lost` was given to do waits in a task of its own, and is looked into.
+    """
     found = ""
     while coroutine is not None:
         frame = getattr(coroutine, "cr_frame", None) or getattr(coroutine, "gi_frame", None)
         if frame is not None and _is_in(frame, file):
             found = f"{shown(file)}:{frame.f_lineno}"
+        within = frame.f_locals.get("working") if frame is not None and frame.f_code is until_lost.__code__ else None
+        if isinstance(within, asyncio.Task):
+            coroutine = within.get_coro()
+            continue
         coroutine = getattr(coroutine, "cr_await", None) or getattr(coroutine, "gi_yieldfrom", None)
     return found
 

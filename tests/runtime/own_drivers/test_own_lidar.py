@@ -41,6 +41,10 @@ DRIVER = """class Driver:
             on_scan(self.scan())
             await asyncio.sleep(0.025)
 """
+LOST = """
+    async def lost(self):
+        await asyncio.Event().wait()
+"""
 LINE = (HEAD + DRIVER).partition("{then}")[0].count("\n") + 1
 """Of `then` in the file."""
 MISTAKES = {
@@ -165,6 +169,15 @@ def test_a_driver_that_hangs_is_told_with_the_line_at_which_it_waits(driver_file
     at_s, _, message = next(one for one in seen if one[1] is LinkState.FAULTY)
     assert 0.9 < at_s < 1.05
     assert message.startswith(f"{name}: no scan for 0.5 s (it waits in {name.partition(':')[0]}.py:{LINE})")
+
+
+def test_a_driver_that_hangs_within_until_lost_is_told_with_the_line_of_its_own_work(driver_file):
+    work = "\n    async def talk(self):\n        await asyncio.Event().wait()\n"
+    name = driver_file(DRIVER.format(then="await until_lost(self, self.talk())") + LOST + work)
+    line = (HEAD + DRIVER + LOST + work).count("\n")
+    _, seen, _, _ = driven(name)
+    message = next(message for _, link, message in seen if link is LinkState.FAULTY)
+    assert message.startswith(f"{name}: no scan for 0.5 s (it waits in {name.partition(':')[0]}.py:{line})")
 
 
 def test_old_scans_are_dropped_and_told(driver_file):
