@@ -19,6 +19,9 @@ APPS: Final = {
 }  # fmt: skip
 """Applications by number (`datatypes.h`, app_use); those with PPM take the pin of the servo output."""
 PPM_APPS: Final = frozenset({1, 4})
+RECOMMENDED_TIMEOUT_S: Final = 0.15
+RECOMMENDED_BRAKE_A: Final = 10.0
+"""Command timeout, and the brake current after it, of a car that is set up (docs/bring-up.md)."""
 
 _HEAD: Final = struct.Struct(">IBIf")
 """Signature, controller id, timeout, brake current."""

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from wallride.drivers.maestro.settings import MaestroSettings
 from wallride.drivers.pca9685.settings import Pca9685Settings
+from wallride.drivers.vesc.app_config import RECOMMENDED_BRAKE_A, RECOMMENDED_TIMEOUT_S
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.ending import end
 from wallride.runtime.host.address_file import read_address
@@ -232,7 +233,10 @@ class SimulatorSession:
         if self._pulsed is not None:
             board, name, place = start_board(self._pulsed, folder, stack, self._on_command)
             return board, f"motor.{name}={place}"
-        vesc = VescEmulator(folder / "vesc", on_command=self._on_command)
+        vesc = VescEmulator(
+            folder / "vesc", timeout_s=RECOMMENDED_TIMEOUT_S, timeout_brake_a=RECOMMENDED_BRAKE_A,
+            on_command=self._on_command,
+        )  # fmt: skip
         vesc.start()
         stack.callback(vesc.close)
         return vesc, f"motor.address=serial://{folder / 'vesc'}"

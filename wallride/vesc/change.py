@@ -12,14 +12,20 @@ from typing import Final
 from wallride.doctor.motor_config import BY_TOOL_SERVO, BY_TOOL_TIMEOUT
 from wallride.drivers.address import Address
 from wallride.drivers.api import LinkLost
-from wallride.drivers.vesc.app_config import AppConfig, change_app_config, decode_app_config, layout_of, unlike_places
+from wallride.drivers.vesc.app_config import (
+    RECOMMENDED_BRAKE_A,
+    RECOMMENDED_TIMEOUT_S,
+    AppConfig,
+    change_app_config,
+    decode_app_config,
+    layout_of,
+    unlike_places,
+)
 from wallride.drivers.vesc.replies import HARDWARE_VESC, STATUS_TIMED_OUT, Firmware, Values
 from wallride.drivers.vesc.settings_link import VescSettingsLink
 
 NOT_AS_WANTED: Final = 3
 """Exit code: something was written, and what is in the controller now is not what was asked for, or unknown."""
-RECOMMENDED_TIMEOUT_S: Final = 0.15
-RECOMMENDED_BRAKE_A: Final = 10.0
 BY_TOOL: Final = f"in {BY_TOOL_TIMEOUT}, and {BY_TOOL_SERVO.partition(': ')[2]}"
 REOPENED_TIMES: Final = 25
 REOPEN_EVERY_S: Final = 0.2
