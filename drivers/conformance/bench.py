@@ -44,7 +44,8 @@ class MotorEmulator(Protocol):
     """A motor controller's side of its protocol, without a port or a clock of its own.
 
     speed_mps: the speed last commanded, None for a brake, and before the first command. steering_rad: likewise.
-    commands: number of motor commands received, brakes included.
+    commands: number of motor commands received, brakes included. A controller that has no command timeout of its own
+    says so by `has_no_timeout = True`; a computer that hangs then drives on.
     """
 
     speed_mps: float | None
@@ -52,7 +53,10 @@ class MotorEmulator(Protocol):
     commands: int
 
     def feed(self, data: bytes, now_s: float) -> bytes:
-        """Take bytes of the driver; return the answer, b"" for none."""
+        """Take bytes of the driver; return the answer, b"" for none.
+
+        Called also with b"", every few milliseconds, so that its command timeout acts while nothing comes.
+        """
         ...
 
     def report(self, speed_mps: float, distance_m: float) -> bytes:
@@ -112,11 +116,17 @@ class LidarBench(DeviceBench, Protocol):
 
 
 class MotorBench(DeviceBench, Protocol):
-    """A motor controller whose wheels follow at once."""
+    """A motor controller whose wheels follow at once. has_no_timeout: it keeps its last command for ever."""
+
+    has_no_timeout: bool
 
     @property
     def commanded(self) -> tuple[float | None, float, int]:
         """The speed last commanded [m/s], None for a brake; the steering [rad]; the number of motor commands."""
+        ...
+
+    def driven_mps(self, now_s: float) -> float | None:
+        """Return the speed that it drives at now, None for a brake: its command timeout has acted where it is due."""
         ...
 
 
@@ -129,6 +139,7 @@ class EmulatorBench:
     def __init__(self, driver: type[Any], emulator: Any, **settings: object) -> None:  # noqa: ANN401 - either kind
         self.emulator = emulator
         self._driver, self._settings = driver, settings
+        self.has_no_timeout = getattr(emulator, "has_no_timeout", False)
         self._port = EmulatorPort(emulator.feed)
         self._due_s = -math.inf
         self._distance_m, self._stepped_s = 0.0, now_s()
@@ -154,6 +165,12 @@ class EmulatorBench:
     def commanded(self) -> tuple[float | None, float, int]:
         """See `MotorBench`."""
         return self.emulator.speed_mps, self.emulator.steering_rad, self.emulator.commands
+
+    def driven_mps(self, now_s: float) -> float | None:
+        """See `MotorBench`."""
+        self.send(self.emulator.feed(b"", now_s))
+        speed_mps: float | None = self.emulator.speed_mps
+        return speed_mps
 
     def driver(self) -> Any:  # noqa: ANN401 - the user's
         """Return a new driver."""

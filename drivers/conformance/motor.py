@@ -15,6 +15,8 @@ from wallride.drivers.conformance.port import now_s
 NOTICED_S = 1.5
 """Maximum time in which a silent or lost device is no longer READY."""
 AT_ONCE_S = 0.1
+STOPS_S = 0.5
+"""Maximum time from the last command to the stop by the device itself."""
 SPEED_MPS, STEERING_RAD = 1.0, 0.15
 
 
@@ -73,6 +75,22 @@ class MotorConformance(DeviceConformance[MotorBench, MotorRun]):
             assert drive.driver.send(Drive(SPEED_MPS, STEERING_RAD))
             await drive.run_for(0.5)
             assert drive.bench.commanded[2] == before + 1, "a command is sent again without being asked for"
+
+        self.drive(body)
+
+    def test_it_stops_by_itself(self) -> None:
+        """Without a command the device stops the car: a computer that hangs sends no brake."""
+
+        async def body(drive: MotorRun) -> None:
+            await drive.moves()
+            end_s = now_s() + STOPS_S
+            while not drive.bench.has_no_timeout and drive.bench.driven_mps(now_s()):
+                assert now_s() < end_s, (
+                    f"it drives on for {STOPS_S:g} s after the last command: have the emulator's feed, which is called"
+                    ' with b"" all the while, brake after the timeout of the controller; where that has none, write'
+                    " has_no_timeout = True into the emulator"
+                )
+                await drive.run_for(STEP_S)
 
         self.drive(body)
 

@@ -75,8 +75,11 @@ class OwnLidarEmulator:
 class OwnMotorEmulator:
     """A motor controller of the user before the simulated wheels; takes the place of a `VescEmulator`."""
 
-    def __init__(self, emulator: MotorEmulator, on_command: Callable[[float, MotorDemand], None]) -> None:
-        self._emulator, self._on_command = emulator, on_command
+    def __init__(
+        self, emulator: MotorEmulator, on_command: Callable[[float, MotorDemand], None], *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:  # fmt: skip
+        self._emulator, self._on_command, self._clock = emulator, on_command, clock
         self._port = EmulatorPort(self._feed)
         self.imu: tuple[float, ...] = ()
 
@@ -98,8 +101,9 @@ class OwnMotorEmulator:
         return MotorDemand("speed", speed_mps * WIRING.speed_to_erpm_gain + WIRING.speed_to_erpm_offset)
 
     def report(self, erpm: float, tachometer: int) -> None:
-        """Pass the wheels' motion on."""
+        """Pass the wheels' motion on, and let the time: its command timeout acts while nothing comes."""
         gain = WIRING.speed_to_erpm_gain
+        self._port.send(self._feed(b"", self._clock()))
         self._port.send(self._emulator.report(erpm / gain, tachometer * 10 / gain))
 
     async def close(self) -> None:

@@ -18,7 +18,7 @@ class MotorDevice:
         self._wheels = (0.0, 0.0)
 
     def feed(self, data: bytes, now_s: float) -> bytes:
-        """Take bytes of the driver; return the reports that it asked for."""
+        """Take bytes of the driver, or b"" while none come; return the reports that it asked for."""
         if now_s - self._commanded_s > TIMEOUT_S:
             self.speed_mps = None
         *lines, self._heard = (self._heard + data).split(b"\n")

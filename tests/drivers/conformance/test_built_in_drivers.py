@@ -14,6 +14,7 @@ from wallride.drivers.hokuyo.driver import Hokuyo
 from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.drivers.rplidar.driver import Rplidar
 from wallride.drivers.rplidar.settings import RplidarSettings
+from wallride.drivers.vesc.app_config import RECOMMENDED_TIMEOUT_S
 from wallride.drivers.vesc.codec import MOTOR_PACKETS, Packet
 from wallride.drivers.vesc.driver import Vesc
 from wallride.drivers.vesc.settings import VescSettings
@@ -106,9 +107,11 @@ class TestYdlidar(LidarConformance):
 
 
 class VescBench:
+    has_no_timeout = False
+
     def __init__(self):
         self.folder = Path(tempfile.mkdtemp())
-        self.device = VescEmulator(self.folder / "vesc", clock=now_s)
+        self.device = VescEmulator(self.folder / "vesc", clock=now_s, timeout_s=RECOMMENDED_TIMEOUT_S)
         self.wiring = VescSettings()
         self.way_m, self.stepped_s = 0.0, now_s()
 
@@ -147,6 +150,10 @@ class VescBench:
         self.stepped_s = now_s
         gain = self.wiring.speed_to_erpm_gain
         self.device.report(erpm=round(speed_mps * gain), tachometer=round(self.way_m * gain / 10))
+
+    def driven_mps(self, now_s):
+        demand = self.device.demand(now_s)
+        return demand.value / self.wiring.speed_to_erpm_gain if demand.kind == "speed" else None
 
     @property
     def commanded(self):

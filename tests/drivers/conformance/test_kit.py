@@ -198,3 +198,23 @@ class Remembers(MotorDriver):
 )
 def test_a_flaw_of_a_motors_driver_is_caught(flawed, test):
     fails(test, MotorConformance, lambda: EmulatorBench(flawed, motor_emulator.MotorDevice()))
+
+
+class Endless(motor_emulator.MotorDevice):
+    """Has no command timeout."""
+
+    def feed(self, data, now_s):
+        self._commanded_s = now_s
+        return super().feed(data, now_s)
+
+
+class Admitted(Endless):
+    has_no_timeout = True
+
+
+@pytest.mark.parametrize("emulator", [Endless, Admitted])
+def test_a_controller_without_a_timeout_is_caught_unless_it_says_so(emulator):
+    one = type("Kit", (MotorConformance,), {"bench": lambda _self: EmulatorBench(MotorDriver, emulator())})()
+    admitted = emulator is Admitted
+    with contextlib.nullcontext() if admitted else pytest.raises(AssertionError, match="write has_no_timeout = True"):
+        one.test_it_stops_by_itself()

@@ -37,6 +37,8 @@ class PwmBench:
 
 
 class Pca9685Bench(PwmBench):
+    has_no_timeout = True
+
     def __init__(self):
         super().__init__()
         self.chip = Pca9685Chip(self.esc, clock=now_s)
@@ -75,6 +77,8 @@ class Pca9685Bench(PwmBench):
 
 
 class MaestroBench(Emulated, PwmBench):
+    has_no_timeout = False
+
     def __init__(self):
         PwmBench.__init__(self)
         Emulated.__init__(self, MaestroEmulator(self.esc, clock=now_s), Path(tempfile.mkdtemp()))
@@ -82,6 +86,10 @@ class MaestroBench(Emulated, PwmBench):
     @property
     def commanded(self):
         return self.esc.speed_mps, self.esc.steering_rad, self.device.counts["command"]
+
+    def driven_mps(self, now_s):
+        self.device.demand(now_s)
+        return self.esc.speed_mps
 
     async def start(self):
         self.device.start_serial(self.folder / "maestro")
