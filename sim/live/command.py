@@ -35,7 +35,7 @@ from wallride.sim.live.record import Record
 from wallride.sim.live.scenario_scene import ScenarioScene, read_scenario
 from wallride.sim.live.scenes import RecordingScene, WorldScene
 from wallride.sim.live.screen import LiveView, address_in, operate_hint, port_notice, starting
-from wallride.sim.live.session import USAGE_ERROR, RuntimeStart, SessionError, SimulatorSession
+from wallride.sim.live.session import USAGE_ERROR, RuntimeStart, SessionError, SimulatorSession, innermost
 from wallride.sim.live.stop_request import StopRequest
 from wallride.sim.live.user_code import UserCode
 from wallride.sim.racing.race import START, race_figures, take_race, with_lap
@@ -94,16 +94,21 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     if options.json != "-":
         _show(summary, answer, put_back=options.put_back)
     write_answer(json.dumps(summary, indent=2) + "\n", options.json)
+    if summary["failed"]:
+        return _failed(summary["failed"])
     if failed_to_record(summary["recording"]):
         return FAILED
     if summary["telemetry"] != HEARD:
-        print(f"wallride: {summary['telemetry']}; winners and faults are not known", file=sys.stderr)  # noqa: T201
-        return FAILED
+        return _failed(f"{summary['telemetry']}; winners and faults are not known")
     missing = "" if options.recording is not None or stop.asked else laps_missing(summary, options.laps)
     if faults := [*UserCode.of(settings).faults(summary["faults"]), *filter(None, [missing])]:
-        print(f"wallride: {'; '.join(faults)}", file=sys.stderr)  # noqa: T201
-        return FAILED
+        return _failed("; ".join(faults))
     return _judged(scenario, scene, answer) if scenario is not None and scene is not None else 0
+
+
+def _failed(words: str) -> int:
+    print(f"wallride: {words}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+    return FAILED
 
 
 def _load(options: argparse.Namespace, config: Path, saved: Path) -> Settings:
@@ -238,7 +243,7 @@ def _fleet(
     try:
         asyncio.run(run_fleet(cars, options, config, settings, stop, consoles[0]))
     except* SessionError as group:
-        raise _innermost(group) from None
+        raise innermost(group) from None
     if stop.killed:
         raise SessionError("killed; there is no summary")
     return write_fleet(fleet_summary(cars, world.name), options.json, UserCode.of(settings), consoles[1])
@@ -305,6 +310,7 @@ def _run(
     session: SimulatorSession, start: RuntimeStart, duration_s: float, stop: StopRequest, console: Console,
     view: "LiveView | None", live: LiveConditions | None = None,
 ) -> Record:  # fmt: skip
+    record = session.record
     show: Callable[[Record], None] = view.show if view is not None else _teller(console)
     with pressing(live, stop, wanted=view is not None) as obey_keys:
 
@@ -315,23 +321,19 @@ def _run(
         try:
             if view is not None:
                 view.start()
-            record = asyncio.run(session.run(start, duration_s, stop, frame))
+            asyncio.run(session.run(start, duration_s, stop, frame))
         except* SessionError as group:
-            raise _innermost(group) from None
+            if not record.end_early(str(innermost(group))):
+                raise innermost(group) from None
         finally:
             if view is not None:
                 view.stop()
     if stop.killed:
         raise SessionError("killed; there is no summary")
-    if record.exit_code != 0:
+    if not record.failed and record.exit_code != 0:
         console.print("\n".join(record.log))
-        raise SessionError(f"the runtime ended with exit code {record.exit_code}")
+        record.failed = f"the runtime ended with exit code {record.exit_code}"
     return record
-
-
-def _innermost(group: BaseExceptionGroup[SessionError]) -> SessionError:
-    first = group.exceptions[0]
-    return _innermost(first) if isinstance(first, BaseExceptionGroup) else first
 
 
 def _teller(console: Console) -> Callable[[Record], None]:

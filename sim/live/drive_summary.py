@@ -17,7 +17,7 @@ from wallride.sim.world.place import World
 
 HEARD = "heard"
 """Value of telemetry in the summary: its statements about the runtime are that runtime's own."""
-FOR_PROGRAMS = frozenset({"began_unix_s", "session", "world", "recording", "seconds_by_reason"})
+FOR_PROGRAMS = frozenset({"began_unix_s", "session", "world", "recording", "seconds_by_reason", "failed"})
 """Fields of the summary that have no row in the table."""
 NOT_RECORDING, TRYING = "NOT recording: ", "; trying again"
 UNDER_WAY = frozenset({DRIVES, JOINS, "wall"})
@@ -33,15 +33,17 @@ def summarize(record: Record, settings: Settings) -> dict[str, Any]:
     winners = (status or {}).get("seconds_by_winner", {})
     left_out = OF_THE_WALL if settings.wall_follow.method == "line" else frozenset()
     driven = {name: value for name, value in record.sums.figures().items() if name not in left_out}
+    stands = driven["stopped"] and not record.failed  # the last decision of a runtime that died is no reason
     return {
         "method": settings.wall_follow.method,
         "side": settings.wall_follow.side,
         "began_unix_s": round(record.began_unix_s, 3),
         **driven,
         "standing_s": round(record.sums.standing_s, 2),
-        **({"stands_because": _stands_because((status or {}).get("output"))} if driven["stopped"] else {}),
+        **({"stands_because": _stands_because((status or {}).get("output"))} if stands else {}),
         "scan_to_motor_ms": record.latency.summary_ms(),
         "telemetry": HEARD if status else f"drove without telemetry: {record.unheard}",
+        "failed": record.failed,
         "session": record.address.session if record.address is not None else None,
         "scans_sent": record.scans,
         "scans_driven": status.get("scans") if status else None,

@@ -55,7 +55,7 @@ class Record:
     held_up: how long this computer kept the emulated devices from running.
     own_faults: how often each fault of the user's laws and drivers began.
     cpu_s: processor time of the runtime up to the end of the drive; NaN where the system does not tell.
-    log, page: what the runtime, and the monitor beside it, printed.
+    log, page: what the runtime, and the monitor beside it, printed. failed: why the runtime's end was none in order.
     """
 
     desired_m: float = math.nan
@@ -85,6 +85,7 @@ class Record:
     page: Sequence[str] = ()
     exit_code: int | None = None
     stop_command: MotorDemand | None = None
+    failed: str = ""
 
     def note(self, sample: Sample) -> None:
         """Take the truth at a moment."""
@@ -97,6 +98,12 @@ class Record:
         for sample in self.fresh[:count]:
             self.sums.add(sample, wanted_m(sample.time_s))
         del self.fresh[:count]
+
+    def end_early(self, failed: str) -> bool:
+        """Sum up a drive whose runtime failed; False where none had begun."""
+        self.failed = failed
+        self.sum_up(len(self.fresh))
+        return self.time_s > 0
 
     def as_driven(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Return true time, x, y and speed of the track, (n, 4), and time, x and y of the poses on the map, (m, 3)."""

@@ -68,6 +68,12 @@ class SessionError(Exception):
         self.exit_code = exit_code
 
 
+def innermost(group: BaseExceptionGroup[SessionError]) -> SessionError:
+    """Return the first error of a group."""
+    first = group.exceptions[0]
+    return innermost(first) if isinstance(first, BaseExceptionGroup) else first
+
+
 @dataclass(frozen=True, slots=True)
 class RuntimeStart:
     """Start of the runtime. options: further words of its command line. listen: endpoints that it is to have."""

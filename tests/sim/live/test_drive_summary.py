@@ -232,7 +232,7 @@ def test_why_laps_are_missing_is_told(changes, said):
 @pytest.mark.parametrize(("laps", "code"), [(2, 1), (3, 0)])
 def test_a_drive_of_fewer_laps_than_asked_for_has_failed(monkeypatch, capsys, laps, code):
     summary = {"world": "loop", "laps": laps, "duration_s": 40.0, "collided": False, "hard_stops": 2, "faults": {}}
-    summary |= {"seconds_by_reason": {}, "recording": None, "telemetry": drive_summary.HEARD}
+    summary |= {"seconds_by_reason": {}, "recording": None, "telemetry": drive_summary.HEARD, "failed": ""}
     monkeypatch.setattr(command, "_drive", lambda *_, **__: summary)
     assert cli.main(["sim", "loop", "--laps", "3", "--headless"]) == code
     assert ("wallride: 2 of 3 laps in 40 s; 2 hard stops" in capsys.readouterr().err) is bool(code)
