@@ -35,7 +35,7 @@ EMULATED_LIDARS: Final = ("hokuyo", "rplidar", "ydlidar")
 def emulate(options: argparse.Namespace, stop: StopRequest) -> int:
     """Keep the emulated car running; 0 at its end, 2 for a wrong option or a taken port."""
     console = Console(stderr=True)
-    folder = options.folder or emulated_folder()
+    folder = (options.folder or emulated_folder()).resolve()  # an address needs a whole path
     file = folder / SETTINGS
     try:
         _check(options)

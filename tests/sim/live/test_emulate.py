@@ -99,3 +99,12 @@ def test_the_folder_is_the_same_at_every_start(tmp_path):
 def test_a_wrong_option_is_one_sentence(options, said, tmp_path, capsys):
     assert main(["emulate", "--folder", str(tmp_path), *options]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_a_relative_folder_gives_addresses_that_commands_take(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["emulate", "--folder", "em", "--lidar", "serial", "--duration", "0.05"]) == 0
+    settings = load_settings(tmp_path / "em" / "car.toml")
+    found = [settings.lidar.address, settings.motor.address]
+    assert found == [f"serial://{tmp_path.resolve()}/em/{name}" for name in ("lidar", "vesc")]
+    assert all(map(parse_address, found))
