@@ -22,6 +22,8 @@ FOR_PROGRAMS = frozenset({"began_unix_s", "session", "world", "recording", "seco
 NOT_RECORDING, TRYING = "NOT recording: ", "; trying again"
 UNDER_WAY = frozenset({DRIVES, JOINS, "wall"})
 """Reasons of a car that nothing keeps."""
+DEVICES_ALLOW = "the lidar allows ", "the motor allows "
+"""Beginnings of the notices of the status that tell a bound of the speed."""
 MOST_REASONS, LEAST_REASON_S = 3, 1.0
 Words = Callable[[Any], str]
 ROUND_FROM = 1000.0
@@ -49,6 +51,7 @@ def summarize(record: Record, settings: Settings) -> dict[str, Any]:
         "scans_driven": status.get("scans") if status else None,
         "winners": {name: round(seconds, 2) for name, seconds in winners.items()} if status else None,
         "seconds_by_reason": {name: round(seconds, 2) for name, seconds in record.reasons_s.items()},
+        "speed_bounds": [words for words in (status or {}).get("window", ()) if words.startswith(DEVICES_ALLOW)],
         "hard_stops": record.hard_stops,
         "faults": device_faults(status) | dict(record.own_faults) if status else None,
         "held_up": record.held_up.words,
@@ -198,6 +201,7 @@ ROWS: Mapping[str, tuple[str, Words]] = {
     "scans_sent": ("scans sent by the lidar", shown),
     "scans_driven": ("scans answered", shown),
     "winners": ("who decided", _winners),
+    "speed_bounds": ("bound of the speed", "; ".join),
     "hard_stops": ("hard stops", lambda value: times(value) if value else ""),
     "faults": ("device faults", _faults),
     "held_up": ("this computer", str),

@@ -120,6 +120,15 @@ def test_the_summary_says_why_the_car_stands(speed_mps, said):
     assert drive_summary.summarize(record, Settings()).get("stands_because") == said
 
 
+def test_the_summary_names_what_bounds_the_speed():
+    bounds = ["the lidar allows 1.6 m/s: 8 Hz, 0.5 deg a beam, 12 m", "the motor allows 1.5 m/s: no command timeout"]
+    told = [{"window": [bounds[0], "something on the lidar", bounds[1]]}, {"window": []}]
+    summaries = [drive_summary.summarize(Record(1.0, telemetry={"status": one}), Settings()) for one in told]
+    assert [one["speed_bounds"] for one in summaries] == [bounds, []]
+    tables = [printed({"world": "loop", "speed_bounds": one["speed_bounds"]}) for one in summaries]
+    assert ["bound of the speed" in text for text in tables] == [True, False]
+
+
 def test_a_drive_of_days_takes_no_more_memory_than_one_of_minutes(monkeypatch):
     """Pickled sizes: what is kept grows until the track is full, and no further."""
     monkeypatch.setattr("wallride.sim.live.record.MAX_TRACK", 2000)
