@@ -2,6 +2,7 @@
 
 import logging
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -23,6 +24,7 @@ attempt."""
 MAX_FAULT_RETRY_S = 60.0
 FAULT_FORGOTTEN_S = 30.0
 """Time without a fault after which the next fault is retried after the shortest delay again."""
+NUMBER = re.compile(r"\d+(\.\d+)?(e[+-]?\d+)?")
 AFTER_FAULT = "the motor had a fault; permit again"
 
 
@@ -93,7 +95,7 @@ class HealthMonitor:
             seen.lost = f"another {name} than before; check how it is mounted, permit again"
             self.rearm(seen.lost)
         seen.identity = health.identity
-        if (seen.link, seen.message) != (health.link, health.message):
+        if (seen.link, _without_numbers(seen.message)) != (health.link, _without_numbers(health.message)):
             is_well = health.link in {LinkState.READY, LinkState.STARTING} or health.message == NOT_OPENED
             level = logging.INFO if is_well else logging.WARNING
             log.log(level, "%s %s: %s", name, health.link, health.message)
@@ -151,3 +153,8 @@ class HealthMonitor:
         if output is not None and now_s - output.stamp_s < CYCLE_LIMIT_S:
             self.manager.alive()
             self.manager.status(f"{output.decision.winner or NO_WINNER}: {output.decision.reason}")
+
+
+def _without_numbers(message: str) -> str:
+    """Return a message without what counts on in it, such as the time since the last scan: not to be logged again."""
+    return NUMBER.sub("#", message)

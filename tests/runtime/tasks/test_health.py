@@ -75,6 +75,17 @@ def test_coming_up_for_the_first_time_is_no_incident(ward):
     assert ward.rearmed == []
 
 
+def test_a_message_that_only_counts_on_is_logged_once(ward, caplog):
+    ward.lidar.health.link = LinkState.FAULTY
+    for tenths in range(30):
+        ward.lidar.health.message = f"lidar/scan: no scan for {tenths / 10:.1f} s"
+        ward.look()
+    assert len(caplog.messages) == 1
+    ward.lidar.health.message = "lidar/scan: two publishers send scans: end one of them"
+    ward.look()
+    assert len(caplog.messages) == 2
+
+
 @pytest.mark.parametrize("name", ["lidar", "motor"])
 @pytest.mark.parametrize("state", [LinkState.ABSENT, LinkState.STARTING, LinkState.FAULTY])
 def test_a_device_rearms_when_it_goes_and_again_when_it_is_back(ward, name, state):
