@@ -9,7 +9,15 @@ from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from wallride.runtime.host.user_module import UserCodeError, file_of, import_module, shown
+from wallride.runtime.host.user_module import (
+    UserCodeError,
+    file_of,
+    import_module,
+    is_of_the_process,
+    place_of,
+    shown,
+    told,
+)
 
 OWN_TAG: Final = "module:Class"
 """Form of the name, and its place in the lists of choices."""
@@ -45,12 +53,24 @@ def model_of(made: type[Any], here: str, base: type[M], public: str) -> type[M]:
     if without:
         raise UserCodeError(f"{here}: its setting {without[0]} has no default; write {without[0]}: TYPE = VALUE")
     try:
-        model.model_validate(model().model_dump())
+        validated(model, validated(model, {}).model_dump())
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
         raise UserCodeError(f"{here}: the default of its setting {key} is refused: {first['msg']}") from None
     return model
+
+
+def validated(model: type[M], given: Any) -> M:  # noqa: ANN401 - whatever stood in the file
+    """Return settings of the user's class; what its own validators raise is a UserCodeError that names its line."""
+    try:
+        return model.model_validate(given)
+    except ValidationError:
+        raise
+    except BaseException as error:
+        if is_of_the_process(error):
+            raise
+        raise UserCodeError(f"{place_of(error, None)}: {told(error)}") from None
 
 
 def takes(called: Any, count: int) -> bool:  # noqa: ANN401 - any callable

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, ValidationInfo, field_validator
 
 from wallride.drivers.own import DriverSettings
-from wallride.runtime.host.user_class import OWN_TAG
+from wallride.runtime.host.user_class import OWN_TAG, validated
 from wallride.runtime.own_drivers.driver_class import checked_name, known_driver
 from wallride.runtime.settings_base import Section
 
@@ -27,7 +27,7 @@ def _own_values(section: str, value: Any, info: ValidationInfo) -> Any:  # noqa:
     model = driver.model if driver is not None else UnreadDriverSettings
     if isinstance(value, model):
         return value
-    return model.model_validate(value.model_dump() if isinstance(value, BaseModel) else value)
+    return validated(model, value.model_dump() if isinstance(value, BaseModel) else value)
 
 
 class OwnLidarSettings(Section):

@@ -6,6 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, ValidationInf
 
 from wallride.runtime.control.own_laws.api import LawSettings
 from wallride.runtime.control.own_laws.law_class import OWN_TAG, checked_name, known_law
+from wallride.runtime.host.user_class import validated
 from wallride.runtime.settings_base import Section
 
 MIN_BUDGET_S, MAX_BUDGET_S = 0.0005, 0.02
@@ -26,7 +27,7 @@ def own_values(section: str, value: Any, info: ValidationInfo) -> Any:  # noqa: 
     model = law.model if law is not None else UnreadSettings
     if isinstance(value, model):
         return value
-    return model.model_validate(value.model_dump() if isinstance(value, BaseModel) else value)
+    return validated(model, value.model_dump() if isinstance(value, BaseModel) else value)
 
 
 class OwnFollowSettings(Section):

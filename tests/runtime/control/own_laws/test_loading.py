@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.own_laws import INIT, STRAIGHT, law_file
+from tests.own_laws import HEAD, INIT, STRAIGHT, law_file
 from wallride.runtime.settings.tree import SettingsError, load_settings
 
 __all__ = ["law_file"]
@@ -62,3 +62,10 @@ def test_laws_are_found_beside_the_settings_file_and_in_the_folder_named(law_fil
     assert load_settings(beside / "car.toml", laws=True).wall_follow.method == name
     wanted = [f"wall_follow.method={other}", f"process.laws_folder={named}"]
     assert load_settings(None, wanted, laws=True).wall_follow.method == other
+
+
+def test_what_the_settings_of_a_law_raise_is_a_refusal_with_its_line(law_file):
+    head = HEAD + "class Own(LawSettings):\n    gain: float = 1.0\n"
+    head += "    def model_post_init(self, _):\n        if self.gain == 13: raise SystemExit(0)\n"
+    name = law_file(f"Settings = Own\n{STRAIGHT}", head=head)
+    assert "SystemExit" in refusal(f"wall_follow.method={name}", "wall_follow.own.gain=13")
