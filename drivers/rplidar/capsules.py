@@ -119,7 +119,9 @@ class CapsuleDecoder:
 
     def _is_usual(self, turned_deg: float) -> bool:
         """Return whether no capsule was lost between two, and follow the speed of the motor."""
-        usual = turned_deg <= _STRETCH * self._usual_deg if self._usual_deg else turned_deg <= _MAX_TURN_DEG
+        if turned_deg > _MAX_TURN_DEG:  # it went back a little: a head that stands and trembles
+            return False
+        usual = not self._usual_deg or turned_deg <= _STRETCH * self._usual_deg
         if usual or self._unusual >= _PATIENCE:
             self._usual_deg = turned_deg if self._unusual or not self._usual_deg else self._followed(turned_deg)
             self._unusual = 0

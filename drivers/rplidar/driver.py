@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from wallride.drivers.api import Clock, LinkLost, ProtocolError, Reschedule, as_wanted
+from wallride.drivers.api import Clock, LinkLost, ProtocolError, Reschedule, as_wanted, printable
 from wallride.drivers.rplidar import capsules, codec, models
 from wallride.drivers.rplidar.settings import RplidarSettings
 from wallride.drivers.turning.conversation import LidarTalk
@@ -26,6 +26,9 @@ USUAL_RPM: Final = 600
 _PLAIN_S, _EXPRESS_S = 1 / 2000, 1 / 4000
 """Time of a sample where the sensor does not tell it."""
 _PROTECTED: Final = 2
+MIN_SAMPLE_S, MAX_SAMPLE_S, MAX_RANGE_M, MAX_MODE = 1e-6, 1e-2, 100.0, 255
+"""Bounds of what a sensor tells of its mode: replies have no checksum."""
+MAX_NAME_B: Final = 40
 
 
 @value()
@@ -137,17 +140,19 @@ class RplidarKind:
         if not models.tells_configuration(self._info):
             express = Mode(0, capsules.EXPRESS, express_s, models.RANGE_MAX_M, "express")
             return express if models.has_express(self._info) else plain
-        number = int.from_bytes(await self._told(talk, codec.TYPICAL_MODE), "little")
+        number = _number(await self._told(talk, codec.TYPICAL_MODE))
+        if number > MAX_MODE:
+            raise ProtocolError(f"{talk.link.address}: its mode {number} makes no sense (power-cycle it)")
         kind = (await self._told(talk, codec.ANSWER, number))[0]
-        sample_s = int.from_bytes(await self._told(talk, codec.US_PER_SAMPLE, number), "little") / 256 * 1e-6
-        range_max_m = int.from_bytes(await self._told(talk, codec.MAX_DISTANCE, number), "little") / 256
+        sample_s = _number(await self._told(talk, codec.US_PER_SAMPLE, number)) / 256 * 1e-6
+        range_max_m = _number(await self._told(talk, codec.MAX_DISTANCE, number)) / 256
         if kind != codec.PLAIN and capsules.decoder_for(kind, lambda _what: None) is None:
             raise ProtocolError(
                 f'{talk.link.address}: its stream of type {kind:#04x} is unknown (lidar.mode = "standard" avoids it)'
             )
-        if not 1e-6 < sample_s < 1e-2 or not range_max_m:  # 1 MHz to 100 Hz: anything else is none
+        if not (MIN_SAMPLE_S < sample_s < MAX_SAMPLE_S and models.RANGE_MIN_M < range_max_m <= MAX_RANGE_M):
             raise ProtocolError(f"{talk.link.address}: its mode {number} makes no sense (power-cycle it)")
-        name = (await self._told(talk, codec.MODE_NAME, number)).split(b"\0")[0].decode("ascii", "replace")
+        name = printable((await self._told(talk, codec.MODE_NAME, number)).split(b"\0")[0][:MAX_NAME_B])
         return Mode(
             None if kind == codec.PLAIN else number, kind, sample_s, range_max_m, name.strip() or f"mode {number}"
         )
@@ -178,3 +183,8 @@ class RplidarKind:
         elif motor is models.HeadDrive.SPEED:
             talk.link.write(codec.set_speed((self._settings.speed_rpm or USUAL_RPM) if on else 0))
         await asyncio.sleep(0.02)
+
+
+def _number(told: bytes) -> int:
+    """Return a number of the configuration, of 4 bytes at most."""
+    return int.from_bytes(told[:4], "little")

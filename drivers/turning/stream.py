@@ -68,7 +68,7 @@ class TurnStream:
         least_s = turned.link_s + facts.decoder.behind * facts.sample_s
         self._turns = Turns(facts.sample_s, turned.mount.cut_deg, health.count, least_s=least_s)
         self._settling = SETTLING_TURNS
-        self._sparse = 0
+        self._sparse, self._end_s = 0, -math.inf
         self.repetition = Repetition()
         self.heard_s: float | None = None
         self.delivered_s: float | None = None
@@ -93,6 +93,10 @@ class TurnStream:
         if turn.late_s > self._stale_after_s:
             self._health.count("stale")
             return
+        if turn.end_s <= self._end_s:  # more samples came at once than the time allows
+            self._health.count("too fast")
+            return
+        self._end_s = turn.end_s
         self._fit(samples)
         if not self.beams:
             self._health.count("sparse")

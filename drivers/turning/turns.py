@@ -61,6 +61,7 @@ class Turns:
         self._times: list[Floats] = []
         self._position_deg = math.nan
         self._begun = False
+        self._was_opposite = True
 
     @property
     def sample_s(self) -> float:
@@ -75,7 +76,7 @@ class Turns:
         times_s = np.arange(1.0 - samples.count, 1.0) * self.sample_s + (read_at_s - late_s)
         position_deg = (samples.head_deg - self._cut_deg) % 360.0
         before_deg = np.concatenate(([self._position_deg], position_deg[:-1]))
-        cuts = np.flatnonzero(before_deg - position_deg > _HALF_TURN_DEG).tolist()
+        cuts = self._cuts(before_deg, position_deg)
         self._position_deg = float(position_deg[-1])
         turns, first = [], 0
         if cuts:
@@ -93,6 +94,16 @@ class Turns:
             self._count("endless turn")
             self._forget()
         return turns
+
+    def _cuts(self, before_deg: Floats, position_deg: Floats) -> list[int]:
+        """Return where turns end: a head that was not opposite since the last cut has gone back and forth over it."""
+        opposite, found, begin = np.abs(position_deg - _HALF_TURN_DEG) < _HALF_TURN_DEG / 2, list[int](), 0
+        for cut in np.flatnonzero(before_deg - position_deg > _HALF_TURN_DEG).tolist():
+            if self._was_opposite or opposite[begin:cut].any():
+                found.append(cut)
+                self._was_opposite, begin = False, cut
+        self._was_opposite = self._was_opposite or bool(opposite[begin:].any())
+        return found
 
     def _close(self, late_s: float) -> Turn:
         samples, times_s = joined(self._parts), np.concatenate(self._times)

@@ -24,6 +24,8 @@ _TIME_HEAD, _TIME_BYTES = b"\xaa\x66", 8
 _HEAD_BYTES: Final = 10
 MAX_SAMPLES: Final = 80
 """Maximum number of samples in a packet; more is noise that looks like a head."""
+MAX_SPAN_DEG: Final = 180.0
+"""Maximum angle of a packet; more is a head that stands and trembles, whose last angle is a little before the first."""
 _MEAN_SAMPLE_BYTES: Final = 2.25
 """Bytes for each sample in a full packet, its head included."""
 
@@ -117,7 +119,9 @@ class PacketDecoder:
         if int(np.bitwise_xor.reduce(head) ^ np.bitwise_xor.reduce(words)) ^ extra:  # its own sum makes it zero
             return None
         first_deg, last_deg = (head[2] >> 1) / 64.0, (head[3] >> 1) / 64.0
-        step_deg = (last_deg - first_deg) % 360.0 / max(1, words.size - 1)
+        if (span_deg := (last_deg - first_deg) % 360.0) > MAX_SPAN_DEG:
+            return ScanPacket(bool(raw[2] & 1), (raw[2] >> 1) / 10.0, lost_samples(words.size))
+        step_deg = span_deg / max(1, words.size - 1)
         head_deg = (first_deg + step_deg * np.arange(words.size)) % 360.0
         mm = words / float(self._model.divisor)
         deg = (head_deg + triangulation_deg(mm)) % 360.0 if self._model.triangulates else head_deg
