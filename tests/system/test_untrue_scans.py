@@ -203,6 +203,12 @@ def test_a_slow_lidar_that_tells_the_truth_is_never_doubted(word, world):
     assert not NAMED & set(drive_by(word, world, 4).reasons)
 
 
+def test_walls_along_the_way_are_no_doubt_where_head_and_samples_are_in_step():
+    """Each sample of a C1 lies as far beside its beam as in the turn before: the scene seems to stand."""
+    done = drive_by("c1", "straight", 9, beams=LidarSettings(noise_std_m=0.01))
+    assert not NAMED & set(done.reasons)
+
+
 @pytest.mark.parametrize(
     ("world", "speed_mps"),
     [("dead_end", 1.0), ("corridor", 3.0), *slow(("loop", 1.0), ("doorway", 3.0), ("cluttered", 3.0))],

@@ -62,6 +62,10 @@ def votes(
 
     For a lidar whose driver takes the wheels' motion out of its turns, which makes a different scan of every showing of
     a stored one: it stands where the same motion is taken out of both. None as of `misfits_m`, or without a correction.
+
+    A sample lies up to half a beam beside its beam's direction, as in the turn before where head and samples are in
+    step: on walls along the way that is decimetres, which fit a scene that stands and no other. Points with steps so
+    large to the next beams have no vote.
     """
     seen, done, wanted = _points(before, after), after.correction, before.correction
     if seen is None or done is None or wanted is None:
@@ -72,10 +76,18 @@ def votes(
     turning = _shifted(points, moved, lidar_m, shares, turns_rad)
     straight = _shifted(points, (moved[0], 0.0, 0.0), lidar_m, shares, np.zeros(1))  # the heading at which all stands
     moving_m = _off_m(before, *(np.concatenate(both) for both in zip(turning, straight, strict=True)))
-    stands = np.count_nonzero((still_m < FITS_M) & (moving_m > FITS_NOT_M), axis=1)
-    moves = np.count_nonzero((still_m > FITS_NOT_M) & (moving_m < FITS_M), axis=1)
+    exact = _steps_m(after)[beam.astype(np.intp)] < FITS_NOT_M
+    stands = np.count_nonzero((still_m < FITS_M) & (moving_m > FITS_NOT_M) & exact, axis=1)
+    moves = np.count_nonzero((still_m > FITS_NOT_M) & (moving_m < FITS_M) & exact, axis=1)
     best = int(np.argmax(moves - stands))
     return int(stands[best]), int(moves[best])
+
+
+def _steps_m(scan: Scan) -> Floats:
+    """Return how far each range is from the nearer of its neighbours', (beams,): along the surface that it is on."""
+    steps_m = np.pad(np.abs(np.diff(scan.ranges_m.astype(np.float64))), 1, constant_values=np.nan)
+    nearer_m: Floats = np.fmin(steps_m[:-1], steps_m[1:])
+    return nearer_m
 
 
 def _points(before: Scan, after: Scan) -> tuple[Floats, Floats] | None:
