@@ -24,6 +24,7 @@ from wallride.runtime.wire.bus import Bus
 FIRST_WITHIN_S = 3.0
 REFRESH_S = 0.2
 SILENT_S = 1.0
+STANDS_BELOW_MPS = 0.1
 RULE_WIDTH = 78
 LABEL = 10
 """Width of the names of the rows."""
@@ -103,13 +104,14 @@ def lost_device(status: Status) -> str:
 
 
 def headline(status: Status) -> str:
-    """Return the answer in one line: the deciding source, and the reason."""
-    output = status.get("output") or {}
+    """Return the answer in one line: what the car does, the deciding source, and the reason."""
+    output, measured_mps = status.get("output") or {}, abs(status.get("speed_mps") or 0.0)
+    stands = f"brakes at {measured_mps:.2f} m/s" if measured_mps > STANDS_BELOW_MPS else "stands"
     if lost := lost_device(status):
-        return f"stands: {lost}"
+        return f"{stands}: {lost}"
     if not output:
-        return "stands: nothing has been decided yet"
-    does = f"drives {output['speed_mps']:.2f} m/s" if output["speed_mps"] else "stands"
+        return f"{stands}: nothing has been decided yet"
+    does = f"drives {output['speed_mps']:.2f} m/s" if output["speed_mps"] else stands
     return f"{does}: {output['winner']}: {because(output['reason'], output.get('measure'))}"
 
 

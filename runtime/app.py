@@ -42,6 +42,7 @@ from wallride.runtime.tasks import mux as mux_task
 from wallride.runtime.tasks.battery import BatteryLimit
 from wallride.runtime.tasks.computer import ComputerWatch
 from wallride.runtime.tasks.health import HealthMonitor
+from wallride.runtime.tasks.obedience import Obedience
 from wallride.runtime.tasks.own_law import OwnLawWatch
 from wallride.runtime.tasks.own_parts import OwnPartsKeeper
 from wallride.runtime.tasks.pose import PoseTeller
@@ -157,6 +158,7 @@ class Car:
         settings, lidar, motor, clock = self.settings, self.lidar, self.motor, self.clock
         self.scan_speed = scan_speed.SpeedByScans(motor, settings.car, self.queue)
         self.battery = BatteryLimit(settings.battery, motor, self.queue, self.operator.rearm)
+        self.obedience = Obedience()
         self.own_law = OwnLawWatch(
             self.laws, self.permit, self.operator.rearm, lambda: self.stack.apply(self.stack.settings), clock
         )
@@ -182,6 +184,7 @@ class Car:
             wall_clock=self.wall_clock, side=lambda: self.settings.wall_follow.side, ball_m=lambda: self.laws.path_m,
         )  # fmt: skip
         self.side_work = self.telemetry.side_work
+        self._noticing = self.laws, self.scan_speed, self.own_law, self.side_work, self.obedience
         if self.pose is not None:
             self.pose.publish = self.telemetry.on_pose
         if course is not None:
@@ -330,23 +333,17 @@ class Car:
             rearm=self.operator.rearm, manager=self.manager, clock=self.clock,
             retry_faults=self.settings.operator.permit == "always",
             lidar_doubt=lambda: self.laws.plausibility.lidar_doubt,
-            motor_doubt=lambda: self.laws.plausibility.motor_doubt,
+            motor_doubt=lambda: self.laws.plausibility.motor_doubt, obedience=self.obedience,
         )  # fmt: skip
         self.operator.waits = monitor.is_waiting
         return monitor
 
     def _observed(self) -> ObservedState:
         return ObservedState(
-            car=self.settings.car.name,
-            version=version("wallride"),
-            session=self.session,
-            hot_path=kernel.state().words,
-            lidar=self.lidar,
-            motor=self.motor,
-            queue=self.queue,
-            clock=self.clock,
+            car=self.settings.car.name, version=version("wallride"), session=self.session,
+            hot_path=kernel.state().words, lidar=self.lidar, motor=self.motor, queue=self.queue, clock=self.clock,
             seconds_by_winner=self.mux.seconds_by_winner,
-            window=lambda: (*self.laws.words, *self.scan_speed.words, *self.own_law.words, *self.side_work.words),
+            window=lambda: tuple(word for one in self._noticing for word in one.words),
             timings=self.stages,
             recording=self.recorder.status,
             own_parts=self.own_parts.status,
@@ -361,7 +358,7 @@ class Car:
             link=lambda: {"endpoint": self.bus.endpoint, "open": self.bus.is_open, "dropped": self.bus.dropped},
             routers=lambda: self.bus.routers,
             view=lambda: self.laws.perception.newest_view,
-        )
+        )  # fmt: skip
 
     def _ros2_sink(self) -> Ros2Sink | None:
         if (graph := self.settings.ros2_graph()) is None:

@@ -10,6 +10,7 @@ from wallride.drivers.api import NOT_OPENED, Clock, Health, Lidar, LinkState, Mo
 from wallride.runtime.arbitration.command import NO_WINNER, Output
 from wallride.runtime.arbitration.emergency_stop import Cause, EmergencyStop
 from wallride.runtime.host.systemd import ServiceManager
+from wallride.runtime.tasks.obedience import Obedience
 
 log = logging.getLogger("wallride.health")
 
@@ -57,6 +58,7 @@ class HealthMonitor:
     retry_faults: bool
     lidar_doubt: Callable[[], str] = lambda: ""
     motor_doubt: Callable[[], str] = lambda: ""
+    obedience: Obedience = field(default_factory=Obedience)
     _lidar_seen: _LastReport = field(default_factory=_LastReport)
     _motor_seen: _LastReport = field(default_factory=_LastReport)
     _doubted: str = ""
@@ -81,6 +83,7 @@ class HealthMonitor:
         self._look_at("motor", self.motor.health, self._motor_seen)
         self._look_for_doubts()
         self._latch_fault(now_s)
+        self.obedience.look(self.output(), self.motor.state, now_s)
         self._tell_systemd(now_s)
 
     def _look_at(self, name: str, health: Health, seen: _LastReport) -> None:

@@ -57,6 +57,13 @@ def test_a_standing_car_says_why(observed, trouble, answer):
     assert headline(arrived(observed, output)) == answer
 
 
+def test_a_car_whose_wheels_turn_is_never_said_to_stand(observed):
+    output = output_of(observed, speed_mps=0.0, winner=Source.ESTOP, reason="e-stop")
+    status = arrived(observed, output)
+    status["speed_mps"] = 1.0
+    assert headline(status).startswith("brakes at 1.00 m/s: ")
+
+
 def test_a_stop_is_never_minus_zero(observed):
     output = output_of(observed, speed_mps=-0.0, winner=Source.SAFETY, reason="wall ahead")
     assert "sent 0.00 m/s" in "\n".join(screen(arrived(observed, output)))

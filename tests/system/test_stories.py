@@ -257,6 +257,16 @@ def test_the_distance_error_is_published_and_scored():
     assert story.car.telemetry.journey.score.mean_abs_m == pytest.approx(0.1, abs=0.002)
 
 
+def test_a_motor_that_takes_brakes_and_goes_on_is_told():
+    def swallow(story):
+        setattr(story.motor, "send", lambda _drive: True)  # noqa: B010 - a method
+
+    story = Story().run(6.0, (2.0, swallow), (2.1, wall_ahead))
+    assert story.motor.state.speed_mps == 1.0
+    status = next(payload for key, payload in reversed(story.ear.heard) if key == "wallride/car1/status")
+    assert b"the wheels go on at 1.0 m/s although the car brakes" in status
+
+
 def test_the_status_names_winner_reason_and_voices():
     story = Story().run(3.0)
     status = decode("status", next(text for key, text in reversed(story.ear.heard) if key == "wallride/car1/status"))
