@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from wallride.drivers.api import NOT_OPENED, Clock, Health, Lidar, LinkState, Motor
 from wallride.runtime.arbitration.command import NO_WINNER, Output
 from wallride.runtime.arbitration.emergency_stop import Cause, EmergencyStop
+from wallride.runtime.arbitration.obedience import Obedience
 from wallride.runtime.host.systemd import ServiceManager
-from wallride.runtime.tasks.obedience import Obedience
 
 log = logging.getLogger("wallride.health")
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from wallride.runtime.tasks.obedience import Obedience
+from wallride.runtime.arbitration.obedience import Obedience
 
 
 def watch(speeds_mps, sent_mps=0.0, every_s=0.05):
