@@ -3,6 +3,7 @@
 The car judges by this what drivers from outside deliver, and the conformance kit what all of them do.
 """
 
+import copy
 import math
 from typing import Any, Final
 
@@ -78,7 +79,7 @@ class ScanCheck:
         fault = _form(scan) or _time(scan, now_s) or _field(scan) or (_ranges(scan) if not within else "")
         if not fault and self._before is not None:
             fault = _order(scan, self._before) or self._pace(scan.stamp_s - self._before.stamp_s)
-        self._before = scan
+        self._before = copy.copy(scan)  # a driver may keep one and write into it
         return fault
 
     def _pace(self, period_s: float) -> str:
@@ -97,9 +98,14 @@ def _form(scan: Scan) -> str:
     for name in NUMBERS:
         number: Any = getattr(scan, name)
         if not isinstance(number, int | float) or not math.isfinite(number):
-            return f"delivered {name} that is no finite number"
+            return f"delivered {name} that is no finite {_kind(number, 'float')}"
     sequence: Any = scan.sequence
-    return "" if isinstance(sequence, int) else "delivered a sequence that is no whole number"
+    return "" if isinstance(sequence, int) else f"delivered a sequence that is no whole {_kind(sequence, 'int')}"
+
+
+def _kind(number: object, wanted: str) -> str:
+    """Return the words after "no": one of numpy's is named, because it prints like a number of Python."""
+    return f"number but a numpy.{type(number).__name__}: {wanted}(...)" if isinstance(number, np.generic) else "number"
 
 
 def _time(scan: Scan, now_s: float) -> str:

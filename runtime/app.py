@@ -17,6 +17,7 @@ from wallride.runtime.arbitration.command import Output
 from wallride.runtime.arbitration.driving_state import DrivingStateMonitor
 from wallride.runtime.arbitration.emergency_stop import EmergencyStop
 from wallride.runtime.arbitration.inbox import Inbox
+from wallride.runtime.arbitration.obedience import Obedience
 from wallride.runtime.arbitration.permit import Permit
 from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.ending import end
@@ -42,7 +43,6 @@ from wallride.runtime.tasks import mux as mux_task
 from wallride.runtime.tasks.battery import BatteryLimit
 from wallride.runtime.tasks.computer import ComputerWatch
 from wallride.runtime.tasks.health import HealthMonitor
-from wallride.runtime.tasks.obedience import Obedience
 from wallride.runtime.tasks.own_law import OwnLawWatch
 from wallride.runtime.tasks.own_parts import OwnPartsKeeper
 from wallride.runtime.tasks.pose import PoseTeller

@@ -134,6 +134,7 @@ class PwmMotor(ABC):
             port.write(steering_us(self._settings, self._steering_rad), throttle_us)
         except DriverError as error:
             self._broken, self._ready, self._state = error, False, None
+            self._health.count("lost")
             self._health.link, self._health.message = LinkState.ABSENT, str(error)
             return False
         self._report(now_s)

@@ -13,7 +13,7 @@ RUNTIME = ROOT / "runtime"
 PLACES = (
     *(RUNTIME / "control").rglob("*.py"),
     *(RUNTIME / "arbitration").rglob("*.py"),
-    *(RUNTIME / "tasks" / name for name in ("battery.py", "health.py", "mux.py", "safety.py", "wall_follow.py")),
+    *(RUNTIME / "tasks" / f"{name}.py" for name in ("battery", "health", "mux", "safety", "scan_speed", "wall_follow")),
     RUNTIME / "teleop" / "desk.py",
     RUNTIME / "teleop" / "planners.py",
 )
@@ -35,6 +35,7 @@ NO_REASONS = frozenset(
         "see the car itself, or dirt, and are ignored", ".+ beams around .+ deg .+",
         "almost no beam has an echo: uncover or clean the lidar",
         "the lidar allows .+ m/s: .+", ".+.+ deg a beam, .+ m",
+        "the wheels go on at .+ m/s although the car brakes: cut the motor's power",
         # why a promised path is not believed, in the status: the arc is judged then, and gives the reason
         "the promised path is not believed: .+ (.+ times)", "it left its path", "it took its path back",
         "its path is no numbers", "its path does not begin at the car", "its path has gaps",

@@ -73,6 +73,7 @@ async def test_unplugged_it_is_absent_with_its_reason_at_the_next_command(rig):
     assert rig.driver.state is None
     assert rig.driver.health.link is LinkState.ABSENT
     assert "no acknowledgement (power? wiring?" in rig.driver.health.message
+    assert rig.driver.health.counts["lost"] == 1
 
 
 async def test_one_transfer_without_acknowledgement_ends_the_connection_and_it_comes_back(rig):

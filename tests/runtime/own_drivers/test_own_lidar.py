@@ -61,6 +61,7 @@ MISTAKES = {
     "future": ("on_scan(self.scan(received_s=self.clock() + 900))", "received 900 s in the future"),
     "ahead": ("on_scan(self.scan(stamp_s=self.clock() + 0.5))", "stamped a scan 0.5 s after it was received"),
     "nan": ("on_scan(self.scan(stamp_s=math.nan))", "delivered stamp_s that is no finite number"),
+    "numpy": ("on_scan(self.scan(range_max_m=np.float32(9)))", "no finite number but a numpy.float32: float(...)"),
     "infinite": ("on_scan(self.scan(ranges_m=np.full(121, np.inf, np.float32)))", "a beam of inf m, farther than"),
     "zero": ("on_scan(self.scan(ranges_m=np.zeros(121, np.float32)))", "a beam of 0 m, nearer than"),
     "float64": ("on_scan(self.scan(ranges_m=np.ones(121)))", "no array (n,) of float32"),
