@@ -123,11 +123,13 @@ def _nearness(scan: Scan) -> Floats:
     Between two beams a wall's 1 / range is straight; the nearest beam's range instead would favour no shift at all.
     """
     nearness = 1.0 / scan.ranges_m.astype(np.float64)
-    seen = np.isfinite(nearness).nonzero()[0]
-    if seen.size < 2:
+    is_seen = np.isfinite(nearness)
+    seen, lost = is_seen.nonzero()[0], (~is_seen).nonzero()[0]
+    if not lost.size or seen.size < 2:
         return nearness
-    after = np.searchsorted(seen, np.arange(seen[0], seen[-1]), side="right")
-    narrow = np.arange(seen[0], seen[-1])[(seen[after] - seen[after - 1]) * scan.angle_step_rad <= HOLE_RAD]
+    lost = lost[(lost > seen[0]) & (lost < seen[-1])]
+    after = np.searchsorted(seen, lost)
+    narrow = lost[(seen[after] - seen[after - 1]) * scan.angle_step_rad <= HOLE_RAD]
     nearness[narrow] = np.interp(narrow, seen, nearness[seen])
     return nearness
 
