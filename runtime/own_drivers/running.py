@@ -8,7 +8,7 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any, Final, Never, TypeVar
 
-from wallride.drivers.api import Clock, Health, LinkState, printable
+from wallride.drivers.api import NOT_OPENED, Clock, Health, LinkState, printable
 from wallride.drivers.own import DriverSettings
 from wallride.runtime.host.stop_signals import STOP_SIGNALS_HELD
 from wallride.runtime.host.user_module import is_of_the_process, place_of, shown_text, told
@@ -103,7 +103,8 @@ class DriverRun:
             given = self.call(lambda: _read(self.made.health))
             if given is not None:
                 self._identity = given.identity = given.identity or self._identity  # a lost device is no other device
-                given.message = given.message or given.identity
+                if not given.message or (given.message == NOT_OPENED and given.link is LinkState.READY):
+                    given.message = given.identity
                 return given
         if not self.fault:
             return Health(identity=self._identity)

@@ -381,10 +381,10 @@ def test_a_driver_with_a_fault_is_no_other_device(driver_file):
     assert one.health.identity == "LD 7"
 
 
-def test_a_driver_without_a_message_is_told_by_its_identity(driver_file):
-    scans, seen, _, _ = driven(
-        driver_file(DRIVER.format(then="self.health.identity, self.health.message = 'LD 7', ''")), 1.0
-    )
+@pytest.mark.parametrize("then", ["self.health.message = ''", "pass"])
+def test_a_driver_without_a_message_is_told_by_its_identity(driver_file, then):
+    name = driver_file(DRIVER.format(then=f"self.health.identity = 'LD 7'; {then}"))
+    scans, seen, _, _ = driven(name, 1.0)
     assert seen[-1][1:] == (LinkState.READY, "LD 7")
     looked_at = LidarReport(Health(*seen[-1][1:], identity="LD 7"), [scan for _, scan in scans])
     assert judge_lidar(looked_at)[0].words == "LD 7"
