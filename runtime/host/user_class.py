@@ -9,15 +9,7 @@ from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from wallride.runtime.host.user_module import (
-    UserCodeError,
-    file_of,
-    import_module,
-    is_of_the_process,
-    place_of,
-    shown,
-    told,
-)
+from wallride.runtime.host.user_module import UserCodeError, as_user_code_error, file_of, import_module, shown
 
 OWN_TAG: Final = "module:Class"
 """Form of the name, and its place in the lists of choices."""
@@ -63,14 +55,8 @@ def model_of(made: type[Any], here: str, base: type[M], public: str) -> type[M]:
 
 def validated(model: type[M], given: Any) -> M:  # noqa: ANN401 - whatever stood in the file
     """Return settings of the user's class; what its own validators raise is a UserCodeError that names its line."""
-    try:
+    with as_user_code_error(ValidationError):
         return model.model_validate(given)
-    except ValidationError:
-        raise
-    except BaseException as error:
-        if is_of_the_process(error):
-            raise
-        raise UserCodeError(f"{place_of(error, None)}: {told(error)}") from None
 
 
 def takes(called: Any, count: int) -> bool:  # noqa: ANN401 - any callable

@@ -9,7 +9,8 @@ import importlib
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType, TracebackType
@@ -55,14 +56,23 @@ def import_module(name: str) -> ModuleType:
     """Return a module, imported at the first call; UserCodeError names what is wrong with it."""
     search_in(Path.cwd())
     importlib.invalidate_caches()
+    with as_user_code_error():
+        try:
+            _guard_imports_of_root()
+            return importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            if error.name is not None and f"{name}.".startswith(f"{error.name}."):
+                raise UserCodeError(_not_found(name)) from None
+            raise
+
+
+@contextmanager
+def as_user_code_error(*passed: type[Exception]) -> Iterator[None]:
+    """Make a UserCodeError with its line of what code of the user raises; errors of these classes pass."""
+    passing: tuple[type[Exception], ...] = (UserCodeError, *passed)
     try:
-        _guard_imports_of_root()
-        return importlib.import_module(name)
-    except ModuleNotFoundError as error:
-        if error.name is not None and f"{name}.".startswith(f"{error.name}."):
-            raise UserCodeError(_not_found(name)) from None
-        raise UserCodeError(f"{place_of(error, None)}: {told(error)}") from None
-    except UserCodeError:
+        yield
+    except passing:
         raise
     except BaseException as error:
         if is_of_the_process(error):
