@@ -99,11 +99,6 @@ class VescEmulator:
         if not self._deaf:
             self._loop.add_reader(self._master, self._on_readable)
 
-    def set_timeout(self, timeout_s: float, brake_a: float) -> None:
-        """Write timeout and brake current into its settings, as VESC Tool does; it starts anew."""
-        self.config.timeout_s, self.config.timeout_brake_a = timeout_s, brake_a
-        self._power_up()
-
     def unplug(self) -> None:
         """Pull the cable: the host's reads and writes fail and the port's name is gone. The VESC stays powered."""
         if self._master is None:

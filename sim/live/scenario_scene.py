@@ -11,7 +11,6 @@ from wallride.sim.live.scenes import WorldScene
 from wallride.sim.scenario.driven import DrivenScenario
 from wallride.sim.scenario.faults import moments_of
 from wallride.sim.scenario.scenario_file import Scenario, load_scenario
-from wallride.sim.virtual.twin_world import UNPLUGGED_AFTER_S, UNPLUGGED_BRAKE_A
 from wallride.sim.world.beams import LidarSettings
 
 SUFFIX = ".toml"
@@ -44,9 +43,8 @@ class ScenarioScene(WorldScene):
         self._vesc: VescEmulator | None = None
 
     def attach(self, scip: ScipEmulator, vesc: VescEmulator) -> None:
-        """Note the emulated devices, whose cables the faults pull; the controller is set up as a car's should be."""
+        """Note the emulated devices, whose cables the faults pull."""
         self._scip, self._vesc = scip, vesc
-        vesc.set_timeout(UNPLUGGED_AFTER_S, UNPLUGGED_BRAKE_A)
 
     def set_lidar(self, lidar: LidarSettings) -> None:
         """Change the lidar's conditions."""

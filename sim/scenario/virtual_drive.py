@@ -2,6 +2,7 @@
 
 import asyncio
 
+from wallride.drivers.vesc.app_config import RECOMMENDED_TIMEOUT_S
 from wallride.runtime.app import Car
 from wallride.runtime.arbitration.command import DriveCommand
 from wallride.runtime.settings.tree import Settings
@@ -11,7 +12,7 @@ from wallride.sim.scenario.driven import DrivenScenario
 from wallride.sim.scenario.faults import moments_of
 from wallride.sim.scenario.scenario_file import Scenario
 from wallride.sim.virtual.devices import MemoryBus
-from wallride.sim.virtual.twin_world import UNPLUGGED_AFTER_S, TwinWorld, WorldLidar, WorldMotor
+from wallride.sim.virtual.twin_world import TwinWorld, WorldLidar, WorldMotor
 from wallride.sim.virtual.virtual_time import run_virtual
 from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.lap import LapCounter
@@ -76,7 +77,7 @@ class Stage:
             self.motor.plug()
         else:
             self.motor.pull()
-            self._loop.call_later(UNPLUGGED_AFTER_S, self.motor.brake_by_itself)
+            self._loop.call_later(RECOMMENDED_TIMEOUT_S, self.motor.brake_by_itself)
 
     async def play(self, lasts_s: float, *, to_rest: bool = False) -> DrivenScenario:
         """Drive, and return the record up to a contact or the time. to_rest: up to where the car rests after it."""

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from wallride.drivers.api import Clock, Drive, Health, LinkState, MotorState
+from wallride.drivers.vesc.app_config import RECOMMENDED_BRAKE_A
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle, VehicleSettings
 from wallride.sim.car.wiring import NO_ERRORS, WiringConversion, WiringErrors
@@ -25,10 +26,6 @@ from wallride.sim.world.place import World
 from wallride.sim.world.pose import Pose
 
 STEP_S = 0.0025
-UNPLUGGED_AFTER_S = 0.15
-"""Timeout after which a VESC without commands brakes by itself..."""
-UNPLUGGED_BRAKE_A = 10.0
-"""...with the current that docs/bring-up.md specifies."""
 _STANDING_BELOW_MPS = 0.05
 _WIRING = VescSettings()
 
@@ -197,7 +194,7 @@ class WorldMotor:
         return True
 
     def pull(self) -> None:
-        """Pull the cable; `brake_by_itself` is due UNPLUGGED_AFTER_S later."""
+        """Pull the cable; `brake_by_itself` is due RECOMMENDED_TIMEOUT_S later."""
         self._twin.advance()
         self._present = False
 
@@ -205,7 +202,7 @@ class WorldMotor:
         """Brake as the controller does after its timeout without commands."""
         self._twin.advance()
         if not self._present:
-            self._twin.demand = BrakeDemand(UNPLUGGED_BRAKE_A)
+            self._twin.demand = BrakeDemand(RECOMMENDED_BRAKE_A)
 
     def plug(self) -> None:
         """Plug the cable in again."""
