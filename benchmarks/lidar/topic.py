@@ -1,6 +1,6 @@
 """What a scan from elsewhere costs: `lidar.driver = "topic"` beside the built-in driver, by turns.
 
-Run: python -m benchmarks.lidar.topic[--rounds N] [--seconds S]. Needs an otherwise idle computer.
+Run: python -m benchmarks.lidar.topic [--rounds N] [--seconds S]. Needs an otherwise idle computer.
 
 40 Hz of 1081 beams, by a Hokuyo over TCP and by sensor_msgs/LaserScan over a zenoh session of the benchmark's process.
 A sample ends with the motor command's first byte. It begins, as in `wallride bench`, when the kernel has the last byte
