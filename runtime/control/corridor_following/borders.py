@@ -14,8 +14,8 @@ from wallride.runtime.control.perception.geometry import Floats, Places
 from wallride.runtime.control.wall_following.followed_wall import SideView
 
 REACH_M: Final = 9.0
-LEAST_GAPS_M: Final = (1.6, 0.9)
-"""Least width of a gap that the way may lead through: what `ball` takes for the end of its wall, else less."""
+WIDE_GAP_M, KEPT_GAP_M, LEAST_GAP_M = 1.6, 1.2, 0.9
+"""Least width of a gap: what `ball` takes for the end of its wall; where the way leads through; where no other is."""
 COARSE: Final = 3.0
 """A gap that is not this much wider than the spacing of the returns beside it is a wall seen along it."""
 COARSE_BEAMS: Final = 4
@@ -31,11 +31,13 @@ class CourseReturns:
     """The returns of a scan within reach, in the order of WallSide: places_m (n,) in base_link, bearing_rad (n,).
 
     gaps: indices (k,) of the returns after which there is a gap, those from the followed wall on, in order.
+    kept: those of at least KEPT_GAP_M: one that the way led through may be measured less wide for some scans.
     sight_rad, sight_m: (m,) bearings from the lidar, rising, and how far is seen there.
     """
 
     places_m: Places
     gaps: tuple[int, ...]
+    kept: tuple[int, ...]
     lidar_m: complex
     sight_rad: Floats
     sight_m: Floats
@@ -54,8 +56,8 @@ class CourseBorders(NamedTuple):
     right_m: Places
 
 
-def returns_of(seen: SideView, lidar_m: complex, gap_m: float) -> CourseReturns | None:
-    """Return what a scan has within reach; None where there is no wall beside the car. gap_m: least width of a gap."""
+def returns_of(seen: SideView, lidar_m: complex) -> CourseReturns | None:
+    """Return what a scan has within reach; None where there is no wall beside the car."""
     index = np.flatnonzero(seen.solid & (seen.range_m < REACH_M))
     beside = seen.side.beside
     first, last = (int(np.searchsorted(index, end)) for end in (beside.start, beside.stop))
@@ -65,12 +67,14 @@ def returns_of(seen: SideView, lidar_m: complex, gap_m: float) -> CourseReturns 
     nearest = first + int(seen.range_m[index[first:last]].argmin())
     step_m = np.abs(np.diff(places_m))
     beside_m = np.maximum(np.concatenate([step_m[:1], step_m[:-1]]), np.concatenate([step_m[1:], step_m[-1:]]))
-    wide = (step_m > gap_m) & ((step_m > COARSE * beside_m) | (np.diff(index) > COARSE_BEAMS))
-    wide[:nearest] = False
-    wide &= seen.side.bearing_rad[index[1:]] > -BEHIND_RAD
+    apart = (step_m > LEAST_GAP_M) & ((step_m > COARSE * beside_m) | (np.diff(index) > COARSE_BEAMS))
+    apart[:nearest] = False
+    apart &= seen.side.bearing_rad[index[1:]] > -BEHIND_RAD
+    gaps = np.flatnonzero(apart)
+    wide, kept = gaps[step_m[gaps] > WIDE_GAP_M], gaps[step_m[gaps] > KEPT_GAP_M]
     echo = np.flatnonzero(seen.solid)[::-1]
     return CourseReturns(
-        places_m, tuple(np.flatnonzero(wide).tolist()), lidar_m,
+        places_m, tuple((wide if wide.size else gaps).tolist()), tuple(kept.tolist()), lidar_m,
         seen.side.bearing_rad[echo], np.minimum(seen.range_m[echo], REACH_M),
     )  # fmt: skip
 

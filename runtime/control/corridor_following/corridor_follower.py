@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from wallride.drivers.api import Drive, MotorState, Scan
-from wallride.runtime.control.corridor_following.borders import LEAST_GAPS_M, returns_of
+from wallride.runtime.control.corridor_following.borders import returns_of
 from wallride.runtime.control.corridor_following.corridor_settings import CorridorFollowSettings
 from wallride.runtime.control.corridor_following.kept_way import KeptWay, Way
 from wallride.runtime.control.corridor_following.marching import STEP_M, course_of, curvature_of
@@ -41,8 +41,9 @@ LEAST_SEEN_M: Final = 0.8
 RESTS_SCANS: Final = 8
 """For so many scans the wall is followed once there was no way."""
 STANDS_MPS, STANDS_S = 0.05, 0.5
-WALL_M: Final = 3.0
-"""Way along the wall after a standstill: the car would take the same wrong way again, for which safety stopped it."""
+WALL_M: Final = 10.0
+"""Way along the wall after a standstill: the car would take the same wrong way again, for which safety stopped it, or
+the next one: between furniture there are many."""
 PROMISED_M, PROMISED_S, PROMISED_MPS2 = 0.5, 0.3, 3.5
 """The promise reaches as far as an early brake of safety, and not into what is not seen: that changes."""
 OBEYS_S, SPARE_MPS = 0.15, 0.1
@@ -135,14 +136,11 @@ class CorridorFollower:
         """Return the way on, None where none is seen."""
         side = side_view(seen.view, self._settings.side)
         lidar_m = complex(self._car.lidar_x_m, self._side * self._car.lidar_y_m)
-        for gap_m in LEAST_GAPS_M:
-            returns = returns_of(side, lidar_m, gap_m)
-            if returns is None:
-                return None
-            if returns.gaps:
-                way = self._kept.plan(returns, speed_mps)
-                return way if way is not None and STEP_M * (way.seen - way.here) >= LEAST_SEEN_M else None
-        return None
+        returns = returns_of(side, lidar_m)
+        if returns is None or not returns.gaps:
+            return None
+        way = self._kept.plan(returns, speed_mps)
+        return way if way is not None and STEP_M * (way.seen - way.here) >= LEAST_SEEN_M else None
 
     def _line_of(self, way: Way) -> CourseLine:
         """Return a way as a line with its speeds. It does not close; what reads it ends before its last point."""

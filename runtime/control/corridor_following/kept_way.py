@@ -23,8 +23,9 @@ FIXED_S, FIXED_M = 0.25, 0.3
 BEHIND: Final = 3
 """Number of points that are kept behind the car."""
 FIRST_ROUNDS: Final = 3
-OTHER_SCANS: Final = 4
-"""For so many scans another gap has to come first before the way is turned to it, while its own is still there."""
+OTHER_SCANS, FAR_SCANS, FAR_M = 4, 12, 4.0
+"""For so many scans another gap has to come first before the way is turned to it, while its own is still there; for
+more while it is farther than FAR_M, where a dent in the wall looks like the end of it."""
 NARROWS_M: Final = 0.27
 """How much nearer than KEEP_M a border may come to the fixed part."""
 OFF_M: Final = 0.35
@@ -109,13 +110,16 @@ class KeptWay:
         """Return the gap that the way leads through, and whether it is the one of the way so far."""
         if not returns.gaps:
             return None, False
-        first = returns.gaps[0]
-        own = next((gap for gap in returns.gaps if leads_through(returns, gap, places_m, course)), None)
-        if own is None or own == first:
+        first, own = returns.gaps[0], _led_through(returns, returns.gaps, places_m, course)
+        most = OTHER_SCANS if own is None or abs(returns.places_m[first]) < FAR_M else FAR_SCANS
+        if own is None:
+            nearer = _led_through(returns, returns.kept, places_m, course)
+            own = nearer if nearer is not None and nearer < first else first
+        if own == first:
             self.other = 0
             return first, True
         self.other += 1
-        if self.other < OTHER_SCANS:
+        if self.other < most:
             return own, True
         self.other = 0
         return first, False
@@ -138,6 +142,11 @@ class KeptWay:
                 self.other = 0
                 return way
         return None
+
+
+def _led_through(returns: CourseReturns, gaps: tuple[int, ...], places_m: Places, course: Places) -> int | None:
+    """Return the first of some gaps that a way leads through."""
+    return next((gap for gap in gaps if leads_through(returns, gap, places_m, course)), None)
 
 
 def _finished(

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from wallride.drivers.api import MotorState
-from wallride.runtime.control.corridor_following.borders import LEAST_GAPS_M, returns_of
+from wallride.runtime.control.corridor_following.borders import returns_of
 from wallride.runtime.control.corridor_following.corridor_follower import CorridorFollower
 from wallride.runtime.control.corridor_following.corridor_settings import CorridorFollowSettings
 from wallride.runtime.control.perception.lidar_health_settings import LidarHealthSettings
@@ -63,10 +63,10 @@ def follower(**settings):
     return CorridorFollower(chosen, CAR, perception())
 
 
-def returns_in(world, pose=START, side="left", gap_m=LEAST_GAPS_M[0]):
+def returns_in(world, pose=START, side="left"):
     """Return what is seen from a place, as the follower sees it."""
     view = perception().views.see(seen_in(world, pose))
-    return returns_of(side_view(view, side), CAR.lidar_m, gap_m)
+    return returns_of(side_view(view, side), CAR.lidar_m)
 
 
 def rolled(one, world, begin=START, *, scans=12, speed_mps=2.0, noise_m=0.0):

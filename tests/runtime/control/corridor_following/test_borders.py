@@ -12,7 +12,13 @@ from tests.runtime.control.corridor_following.course_scenes import (
     course,
     returns_in,
 )
-from wallride.runtime.control.corridor_following.borders import REACH_M, borders_at, leads_through
+from wallride.runtime.control.corridor_following.borders import (
+    KEPT_GAP_M,
+    REACH_M,
+    WIDE_GAP_M,
+    borders_at,
+    leads_through,
+)
 from wallride.sim.world.pose import Pose
 
 AHEAD = np.arange(0.0, 4.0, 0.2).astype(np.complex128), np.ones(20, np.complex128)
@@ -46,8 +52,18 @@ def test_a_wall_beside_the_car_is_needed():
 
 def test_a_wall_that_is_seen_along_it_has_no_gap():
     """At 0.25 m from a wall its returns are 1.2 m apart at 8 m, and twice that where one is missing."""
-    gaps = returns_in(CORRIDOR, Pose(0.0, 0.75, 0.0), gap_m=0.9).gaps
-    assert len(gaps) == 1
+    returns = returns_in(CORRIDOR, Pose(0.0, 0.75, 0.0))
+    assert len(returns.gaps) == len(returns.kept) == 1
+
+
+def test_a_passage_counts_where_no_gap_is_wider_and_for_a_way_that_led_through_it():
+    left, passage = [(-5, 0.8), (40, 0.8)], [(40, -0.6), (4, -0.6)]
+    alone = returns_in(course(left, [(-5, -1), (4, -1), (4, -0.6)], passage))
+    assert len(alone.gaps) == 1
+    assert KEPT_GAP_M < abs(np.diff(alone.places_m[alone.gaps[0] : alone.gaps[0] + 2])[0]) < WIDE_GAP_M
+    fork = returns_in(course(left, [(-5, -1), (2, -1), (2, -14)], [*passage, (4, -14)]))
+    assert len(fork.gaps) == 1
+    assert fork.kept[0] < fork.gaps[0] == fork.kept[1]
 
 
 def test_a_niche_is_no_way():

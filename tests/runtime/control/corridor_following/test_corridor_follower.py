@@ -23,7 +23,7 @@ from tests.runtime.control.corridor_following.course_scenes import (
 from tests.runtime.in_earnest import is_same
 from wallride.runtime.control.corridor_following import corridor_follower
 from wallride.runtime.control.corridor_following.corridor_settings import CorridorFollowSettings
-from wallride.runtime.control.corridor_following.kept_way import OTHER_SCANS, KeptWay
+from wallride.runtime.control.corridor_following.kept_way import FAR_SCANS, OTHER_SCANS, KeptWay
 from wallride.runtime.control.corridor_following.marching import STEP_M, course_of
 from wallride.runtime.control.corridor_following.way_speed import HIDDEN_PER_M, WayGrip
 from wallride.runtime.control.wall_following.ball import BallFollower
@@ -110,9 +110,9 @@ def test_another_side_begins_a_new_way():
     assert one.path_m[1, -1] < -0.5
 
 
-def test_after_a_standstill_it_follows_the_wall_for_three_metres():
+def test_after_a_standstill_it_follows_the_wall_for_some_metres():
     one, reasons, way_m = follower(), [], 0.0
-    for k in range(110):
+    for k in range(250):
         speed_mps = 0.0 if k < 30 else 2.0
         way_m += 0.025 * speed_mps
         answer = one.follow(seen_in(CORRIDOR, Pose(way_m, 0.0, 0.0), 0.025 * k, k), report(0.025 * k, speed_mps, way_m))
@@ -122,11 +122,25 @@ def test_after_a_standstill_it_follows_the_wall_for_three_metres():
     assert reasons[-1][1] == corridor_follower.DRIVES
 
 
-def test_another_gap_is_taken_only_once_it_has_come_first_for_some_scans():
-    returns, kept = returns_in(CROSSROADS, Pose(3.0, 0.0, 0.0)), KeptWay()
-    straight_m = STEP_M * np.arange(30, dtype=np.float64).astype(np.complex128)
-    found = [kept._gap(returns, straight_m, course_of(straight_m)) for _ in range(OTHER_SCANS)]
+def gaps_of(kept, returns, scans):
+    straight_m = STEP_M * np.arange(40, dtype=np.float64).astype(np.complex128)
+    return [kept._gap(returns, straight_m, course_of(straight_m)) for _ in range(scans)]
+
+
+@pytest.mark.parametrize(("x_m", "scans"), [(3.0, OTHER_SCANS), (0.5, FAR_SCANS)], ids=["near", "far"])
+def test_another_gap_is_taken_only_once_it_has_come_first_for_some_scans(x_m, scans):
+    returns = returns_in(CROSSROADS, Pose(x_m, 0.0, 0.0))
+    found = gaps_of(KeptWay(), returns, scans)
     own, first = found[0][0], returns.gaps[0]
     assert own is not None
     assert own != first
-    assert found == [(own, True)] * (OTHER_SCANS - 1) + [(first, False)]
+    assert found == [(own, True)] * (scans - 1) + [(first, False)]
+
+
+def test_a_gap_that_is_measured_less_wide_is_kept_for_some_scans():
+    returns = returns_in(CROSSROADS, Pose(3.0, 0.0, 0.0))
+    own = gaps_of(KeptWay(), returns, 1)[0][0]
+    others = tuple(gap for gap in returns.gaps if gap > own)
+    found = gaps_of(KeptWay(), replace(returns, gaps=others), OTHER_SCANS)
+    assert found == [(own, True)] * (OTHER_SCANS - 1) + [(others[0], False)]
+    assert gaps_of(KeptWay(), replace(returns, gaps=others, kept=others), 1) == [(others[0], True)]

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from wallride.runtime.control.corridor_following.way_speed import HIDDEN_PER_M, WayGrip, way_speeds_mps
+from wallride.runtime.control.safety.swept_settings import SweptSettings
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 
 GRIP = WayGrip(4.0, 3.0, 6.0)
 STEP_M = 0.2
@@ -31,6 +33,11 @@ def test_a_bend_is_driven_by_its_grip_and_braked_for_with_what_it_leaves():
     assert speeds[20:29] == pytest.approx(np.full(9, 2.0))
     assert speeds[19] < (4.0 + 2 * 3.0 * STEP_M) ** 0.5 + 1e-9
     assert speeds[10] == pytest.approx((4.0 + 2 * 3.0 * STEP_M * 10) ** 0.5, rel=0.02)
+
+
+def test_a_way_is_braked_for_earlier_than_safety_brakes():
+    grip = WayGrip.of(0.8, 6.0)
+    assert grip.brake_mps2 < 0.9 * SweptSettings().graded_share * 0.8 * GRAVITY_MPS2
 
 
 def test_less_grip_is_slower():
