@@ -20,6 +20,7 @@ from wallride.runtime.control.safety.footprint import MIN_SLEW_SPEED_MPS, Contac
 from wallride.runtime.control.safety.manoeuvre_rollout import FRONT_SHARE
 from wallride.runtime.control.safety.promise_record import DrivenPlace, Given, PromiseRecord, TyreModel, place_of
 from wallride.runtime.control.safety.promised_way import (
+    CORRECTS_RAD,
     TOO_SHORT,
     PromisedWay,
     Roadworthy,
@@ -37,8 +38,8 @@ AHEAD_LEAST_M = 0.3
 """Way on which a command has to keep to the promise: until some scans later, and at least this."""
 COMMAND_SPARE_M, COMMAND_SPARE_SHARE = 0.02, 0.08
 """How far the arc of a command may be beside the margin, here and with the way: it changes with the next scans."""
-CORRECTS_RAD, CORRECTS_MPS = 0.15, 2.0
-"""Largest angle by which a source corrects itself, at this speed and above."""
+CORRECTS_MPS = 2.0
+"""Speed below which a source corrects itself by more than CORRECTS_RAD, the more, the slower it is."""
 FASTER_MPS = 0.5
 """How much faster than the fastest of the promised speeds a command may be."""
 EACH = 3
@@ -201,7 +202,7 @@ def _place(seen: Percept, motor: MotorState, strip: Strip, record: PromiseRecord
 def _leads_elsewhere(way: PromisedWay, car: Roadworthy, steering_rad: float, margin_m: float) -> bool:
     """Whether a steering is none of those that the promise that comes with it leads through soon, or leaves its margin.
 
-    A source corrects its errors by other angles than the path's own, the larger ones the slower it is.
+    A source corrects its errors by other angles than the path's own.
     """
     motion = PathMotion(
         car.speed_mps, 1.0, car.wheel_rad, car.latency_s, car.rate_radps, car.wheelbase_m,

@@ -7,7 +7,7 @@ that no promise makes the car slower than it is. In a bend the nose points inwar
 """
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,8 @@ HERE_RAD = 0.4
 """Greatest distance of the path from the car, and angle from its heading where it begins: slip and a turn begun."""
 WHEEL_SPARE_RAD = 0.08
 """Error of a wheels' angle read from a path: the tyres' understeer, the steering's trim, noise of the points."""
+CORRECTS_RAD: Final = 0.15
+"""Largest angle beside the path's own by which a fast source corrects itself: the wheels may just stand at it."""
 GRIP_SPARE = 1.3
 """Share of the grip up to which a path is believed: its curvature is read from points. Above 1 the speed is limited."""
 AHEAD_M = 2.0
@@ -169,8 +171,10 @@ def _driven(way: PromisedWay, car: Roadworthy, within: int) -> PromisedWay | Unb
     wheel_rad = np.concatenate([[car.wheel_rad], np.arctan(car.wheelbase_m * curvature[:within])])
     turned_rad = car.rate_radps * STEP_M / np.maximum(speeds_mps[:within], MIN_SLEW_SPEED_MPS)
     turned_rad = np.concatenate([[0.0], turned_rad.cumsum()])
-    most_rad = np.minimum.accumulate(wheel_rad - turned_rad) + turned_rad  # by the servo's rate, from any place before
-    least_rad = np.maximum.accumulate(wheel_rad + turned_rad) - turned_rad
+    begins_rad = np.zeros(wheel_rad.size)
+    begins_rad[0] = CORRECTS_RAD - WHEEL_SPARE_RAD
+    most_rad = np.minimum.accumulate(wheel_rad + begins_rad - turned_rad) + turned_rad  # from any place before
+    least_rad = np.maximum.accumulate(wheel_rad - begins_rad + turned_rad) - turned_rad
     beyond = np.abs(wheel_rad).max() > car.most_rad + WHEEL_SPARE_RAD
     if beyond or (wheel_rad > most_rad + WHEEL_SPARE_RAD).any() or (wheel_rad < least_rad - WHEEL_SPARE_RAD).any():
         return Unbelievable(CANNOT_STEER)

@@ -65,10 +65,17 @@ def test_no_wheels_steer_more_than_they_can_or_turn_faster_than_the_servo():
     )
     assert made(way(99.0, bend_per_m=-0.3)[0]) == Unbelievable(CANNOT_STEER)
     slow = CAR._replace(speed_mps=0.5)
-    assert isinstance(made(way(99.0, bend_per_m=0.8)[0], speed_mps=0.5, car=slow), PromisedWay)
-    assert made(way(99.0, bend_per_m=0.8)[0], speed_mps=0.5, car=slow._replace(rate_radps=0.05)) == Unbelievable(
+    assert isinstance(made(way(99.0, bend_per_m=1.05)[0], speed_mps=0.5, car=slow), PromisedWay)
+    assert made(way(99.0, bend_per_m=1.05)[0], speed_mps=0.5, car=slow._replace(rate_radps=0.05)) == Unbelievable(
         CANNOT_STEER
     )
+
+
+def test_wheels_that_correct_an_error_may_lead_back_to_the_path():
+    straight_m, _ = way(0.0, bend_per_m=0.001)
+    fast = CAR._replace(speed_mps=5.8)
+    assert isinstance(made(straight_m, 5.8, fast._replace(wheel_rad=0.15)), PromisedWay)
+    assert made(straight_m, 5.8, fast._replace(wheel_rad=0.22)) == Unbelievable(CANNOT_STEER)
 
 
 def test_no_tyres_hold_a_bend_that_is_too_fast():
