@@ -57,7 +57,7 @@ class Moved(Localizer):
         return super().take(scan, motor)
 
 
-def raced(known, *, duration_s, at=math.inf, by=(0.0, 0.0, 0.0), cover=None, sets=()):
+def raced(known, *, duration_s, at=math.inf, by=(0.0, 0.0, 0.0), cover=None, sets=(), mu=0.8):
     settings = load_settings(
         None, ["wall_follow.method=line", "wall_follow.first_lap_share=0.8", "car.max_speed_mps=6", *sets]
     )
@@ -66,7 +66,7 @@ def raced(known, *, duration_s, at=math.inf, by=(0.0, 0.0, 0.0), cover=None, set
     localizer.at, localizer.by = at, by
     course = RaceCourse("loop", known[0], localizer, known[1])
     laws = LawStack(settings.wall_follow, settings.safety, settings.car, course=course)
-    vehicle = VehicleSettings(trim_rad=0.02)
+    vehicle = VehicleSettings(trim_rad=0.02, grip_mu=mu)
     case = Case(WORLD, duration_s=duration_s, vehicle=vehicle, car=settings.car, seed=3, cover=cover)
     return drive(case, laws.follower, laws.judge), laws
 
@@ -87,6 +87,15 @@ def test_laps_are_driven_on_the_line(known):
     assert laws.driver.figures["rms_m"] < 0.06
     assert laws.driver.figures["time_s"] < 8.0, "6.7 s in theory"
     assert run.speed_mps[:, 0].max() > 5.0
+
+
+@pytest.mark.slow
+def test_a_line_for_a_floor_with_twice_the_grip_is_driven_as_fast_as_the_floor_allows(known):
+    run, laws = raced(known, duration_s=40.0, sets=["wall_follow.first_lap_share=0.6"], mu=0.4)
+    assert run.contact is None
+    assert not [stop for stop in run.stops if stop.speed_mps > 0.3], "two without the bound by the grip"
+    assert laws.driver.figures["laps"] >= 4
+    assert laws.driver.figures["p99_m"] < 0.1
 
 
 @pytest.mark.parametrize(("at", "by"), [(440, (2.0, -1.5, 0.4)), (520, (-1.0, 2.5, -0.9))])

@@ -87,31 +87,41 @@ class BuildUp:
 
     def __init__(self, first: float, step: float) -> None:
         self._first, self._step = first, step
-        self.share = first
+        self._reached, self._grip = first, math.inf
         self._most, self._failed = 1.0, math.inf
         self._clean = True
+
+    @property
+    def share(self) -> float:
+        """Return the share that may be driven now."""
+        return min(self._reached, self._grip)
+
+    def bound(self, most: float) -> None:
+        """Drive no larger share than the grip that is observed allows; what the laps have reached is kept."""
+        self._grip = most
 
     def tune(self, first: float, step: float) -> None:
         """Change both; the share that was reached is kept."""
         self._first, self._step = first, step
-        self.share, self._most = max(self.share, first), max(self._most, first)
+        self._reached, self._most = max(self._reached, first), max(self._most, first)
 
     def lap_done(self) -> None:
         """Raise the share, unless the lap that is done was held back."""
         if self._clean:
             self._most = min(1.0, self._most + REGAINED * self._step)
-            self.share = min(self._most, self.share + self._step)
+            self._reached = min(self._most, self._reached + self._step)
         self._clean = True
 
     def slower(self) -> None:
         """Lower the share: something held the car back."""
-        if self._clean and self.share > self._first + self._step:
+        self._reached = self.share
+        if self._clean and self._reached > self._first + self._step:
             below = self._failed - self._step / 2
-            if self.share > below:
+            if self._reached > below:
                 self._most = max(self._first + self._step, below)
-            self._failed = min(self._failed, self.share)
+            self._failed = min(self._failed, self._reached)
         self._clean = False
-        self.share = max(self._first, self.share - self._step)
+        self._reached = max(self._first, self._reached - self._step)
 
 
 class HeldBack:

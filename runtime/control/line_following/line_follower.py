@@ -30,7 +30,7 @@ from wallride.runtime.control.line_following.tyres import Tyres
 from wallride.runtime.control.localization.localizer import PoseEstimate, Whereabouts
 from wallride.runtime.control.perception.geometry import Floats
 from wallride.runtime.control.perception.view import ViewCache
-from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
 from wallride.runtime.control.wall_following.ball import MAX_STEP_S, BallFollower
 from wallride.runtime.control.wall_following.prediction import WIRE_S, slew_towards
 
@@ -43,6 +43,8 @@ JOINS: Final = "joining the race line"
 DRIVES: Final = "race line"
 JOINED_M, JOINED_RAD = 0.25, 0.35
 """Lateral and heading errors below which the line is joined; beyond the first one the car slows down."""
+GRIP_USED: Final = 0.9
+"""Share of the grip that is observed up to which the line's bends may need it; the rest is for the feedback."""
 LEFT_M, LEFT_RAD = 0.8, 1.0
 """Errors above which it has left the line. With a larger heading error it is turned to the line before it joins."""
 DRAWN_M, DRAWN_STEP_M = 4.0, 0.2
@@ -61,6 +63,7 @@ class LineFollower:
         line = self._line
         self._laps = LapMemory(line.length_m if line is not None else math.inf)
         self._correction = LapCorrection(line.length_m if line is not None else 0.0)
+        self._line_mps2 = line.aside_mps2 if line is not None else 0.0
         self._build_up = BuildUp(settings.first_lap_share, settings.faster_each_lap)
         self._held = HeldBack(car.max_acceleration_mps2)
         self._trim = SteeringTrim()
@@ -120,6 +123,7 @@ class LineFollower:
                 return replace(self._by_wall(by_wall, STOPPED), drive=None)
             return self._by_wall(by_wall, UNKNOWN)
         tyres = self._tyres().slipping(pose.slip_s2pm)
+        self._bound_by_grip(pose.slip_s2pm)
         now = Moving(
             complex(pose.x_m, pose.y_m), pose.yaw_rad, motor.speed_mps * pose.scale, pose.turn_radps, self._trim.rad
         )
@@ -132,6 +136,14 @@ class LineFollower:
             return replace(guidance, toward_rad=math.remainder(toward_rad, math.tau))
         guidance = self._along(scan, now, line, tyres, pose.scale)
         return replace(guidance, promise=self._promise(scan.stamp_s, since_s, now, line, tyres, pose.scale))
+
+    def _bound_by_grip(self, slip_s2pm: float) -> None:
+        """Drive a smaller share of the line's speed where the floor has less grip than the line was planned for."""
+        assumed = self._tyres()
+        observed_mu = assumed.floor_mu(slip_s2pm)
+        known = observed_mu < assumed.mu and self._line_mps2 > 0.0
+        most = math.sqrt(GRIP_USED * observed_mu * GRAVITY_MPS2 / self._line_mps2) if known else math.inf
+        self._build_up.bound(most)
 
     def _promise(
         self, stamp_s: float, since_s: float, now: Moving, line: CourseLine, tyres: Tyres, scale: float

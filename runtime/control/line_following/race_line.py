@@ -46,6 +46,11 @@ class CourseLine:
     speed_mps: Floats
     length_m: float
 
+    @property
+    def aside_mps2(self) -> float:
+        """Return the largest lateral acceleration of the line."""
+        return float((self.speed_mps**2 * np.abs(self.curvature_radpm)).max())
+
     def nearest(self, place_m: complex, near_m: float = math.nan) -> OnLine:
         """Return the nearest point. near_m: way along the line as known from the last scan; NaN: anywhere on it."""
         count = self.places_m.size

@@ -17,6 +17,8 @@ MOST_PULL: Final = 0.5
 
 MOST_OTHER: Final = 1.7
 """Largest ratio of the observed stiffness of tyres and the assumed one, either way."""
+SLIPPERY: Final = 1.3
+"""Ratio of the observed slip and the assumed one from which the floor has less grip: noise and tyres explain less."""
 
 
 @value()
@@ -39,6 +41,11 @@ class Tyres:
         share = 1.0 / (max(slip_s2pm, 1e-3) * self.mu * GRAVITY_MPS2 * self.rear_per_rad)
         share = min(max(share, 1.0 / MOST_OTHER), MOST_OTHER)
         return Tyres(self.wheelbase_m, self.mu, share * self.front_per_rad, share * self.rear_per_rad)
+
+    def floor_mu(self, slip_s2pm: float) -> float:
+        """Return the friction of the floor by the slip that was observed; as assumed, where that explains it."""
+        ratio = slip_s2pm * self.mu * GRAVITY_MPS2 * self.rear_per_rad
+        return self.mu / ratio if ratio > SLIPPERY else self.mu
 
     def pulling(self, ahead_mps2: float) -> "Tyres":
         """Return tyres that speed the car up or slow it down: with less grip aside, and other loads."""

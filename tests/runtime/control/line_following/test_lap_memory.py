@@ -87,6 +87,25 @@ def test_the_speed_rises_by_laps_and_falls_when_held_back():
     assert share.share == 0.9
 
 
+def test_the_grip_bounds_the_share_and_takes_nothing_of_what_the_laps_have_reached():
+    share = BuildUp(0.6, 0.2)
+    share.bound(0.5)
+    assert share.share == 0.5
+    for _ in range(3):
+        share.lap_done()
+    share.bound(math.inf)
+    assert share.share == 1.0
+
+
+def test_held_back_at_the_bound_of_the_grip_the_car_is_slower_than_there():
+    share = BuildUp(0.4, 0.2)
+    for _ in range(3):
+        share.lap_done()
+    share.bound(0.8)
+    share.slower()
+    assert share.share == pytest.approx(0.6)
+
+
 def laps_of(share, laps, fails_at):
     """Return the laps, by number, in which a car that cannot drive faster than a share of the line is held back."""
     held = []

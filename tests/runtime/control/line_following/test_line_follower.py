@@ -17,7 +17,7 @@ from wallride.runtime.control.line_following.line_settings import LineFollowSett
 from wallride.runtime.control.localization.line_field import field_of_cells
 from wallride.runtime.control.localization.localizer import Localizer
 from wallride.runtime.control.perception.view import ViewCache
-from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
 
 CAR = CarSettings(max_speed_mps=6.0)
 START = (2.0, 0.0, 0.0)
@@ -96,6 +96,18 @@ def test_the_first_lap_is_slower_and_the_speed_has_its_bound(room):
     assert bound.drive.speed_mps == 1.7
 
 
+@pytest.mark.parametrize(("slippery", "share"), [(1.0, 1.0), (2.0, 0.9**0.5)])
+def test_on_a_floor_with_less_grip_than_planned_for_the_line_is_driven_slower(room, slippery, share):
+    line = round_the_block()
+    mu = slippery * line.aside_mps2 / GRAVITY_MPS2  # half of it is all that the line needs
+    one = follower(room[1], line, first_lap_share=1.0, floor_mu=mu)
+    filter_ = one._course.localizer._filter
+    filter_.state[5] = slippery / (mu * GRAVITY_MPS2 * one._tyres().rear_per_rad)
+    last = answers(one, room[0], (2.0, 0.0, 0.0))[-1]
+    assert last.drive.speed_mps == pytest.approx(3.0 * share, abs=0.05)
+    assert one.figures["speed_share"] == pytest.approx(share, abs=0.01)
+
+
 def test_beside_the_line_it_joins_slowly(room):
     last = answers(follower(room[1]), room[0], (2.0, -0.45, 0.0))[-1]
     assert last.reason == line_follower.JOINS
@@ -142,7 +154,7 @@ def test_a_lost_car_follows_the_wall_or_stops(room, without_pose, drives):
 
 def test_a_car_that_is_held_back_drives_the_next_laps_slower(room):
     one = follower(room[1], first_lap_share=0.6)
-    one._build_up.share = 1.0
+    one._build_up._reached = 1.0
     answers(one, room[0], (2.0, 0.0, 0.0), scans=100, speed_mps=3.0)
     assert one.figures["speed_share"] == 1.0
     answers(one, room[0], (2.0, 0.0, 0.0), scans=300, begin=100)
@@ -151,7 +163,7 @@ def test_a_car_that_is_held_back_drives_the_next_laps_slower(room):
 
 def test_a_car_that_is_held_back_beside_the_line_drives_the_next_laps_as_fast(room):
     one = follower(None)
-    one._build_up.share = 1.0
+    one._build_up._reached = 1.0
     answers(one, room[0], (2.0, 0.0, 0.0), scans=100, speed_mps=1.0)
     last = answers(one, room[0], (2.0, 0.0, 0.0), scans=300, begin=100)[-1]
     assert last.reason == line_follower.NO_LINE

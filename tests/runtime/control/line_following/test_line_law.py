@@ -92,6 +92,13 @@ def test_tyres_become_what_is_observed_of_them():
     assert TYRES.slipping(-1.0).rear_per_rad == pytest.approx(TYRES.rear_per_rad * 1.7)
 
 
+def test_more_slip_than_tyres_explain_is_a_floor_with_less_grip():
+    assumed_s2pm = 1.0 / (TYRES.mu * GRAVITY_MPS2 * TYRES.rear_per_rad)
+    assert TYRES.floor_mu(1.2 * assumed_s2pm) == TYRES.mu
+    assert TYRES.floor_mu(2.0 * assumed_s2pm) == pytest.approx(TYRES.mu / 2.0)
+    assert TYRES.floor_mu(-1.0) == TYRES.mu
+
+
 @pytest.mark.parametrize("aside_m", [0.2, -0.2])
 def test_beside_the_line_it_steers_back(aside_m):
     assert (steered(beside(aside_m=aside_m)) - steered(beside())) * aside_m < 0.0
