@@ -83,8 +83,8 @@ def line_field(points: WallPoints, cells: MapCells) -> LineField:
     """Return the field of walls. ValueError for a map without a wall, or too large a one."""
     if not points.places_m.size:
         raise ValueError("the map has no wall that borders on free cells: is `negate` in its .yaml file right?")
+    grid = _Grid.around(points.places_m, cells.cell_m)  # first: it refuses what would take all memory
     lines = lines_through(points, cells.cell_m)
-    grid = _Grid.around(points.places_m, cells.cell_m)
     near, _ = grid.filled(lines, np.arange(lines.places_m.size))
     normals = np.append(lines.normals, 0.0)
     far = grid.opposite(lines, near, normals)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.runtime.control.localization.rooms import CELL_M, Room, ring
-from wallride.runtime.control.localization.line_field import NOWHERE_M, field_of_cells
+from wallride.runtime.control.localization.line_field import NOWHERE_M, field_of_cells, line_field
 from wallride.runtime.control.localization.wall_points import MapCells, WallPoints, lines_through
 
 
@@ -67,3 +67,11 @@ def test_a_map_without_walls_and_one_too_large_are_told():
     walls[[0, 0, -1], [0, -1, 0]] = True
     with pytest.raises(ValueError, match="is too large"):
         field_of_cells(MapCells(walls, ~walls, 0.5, 0j))
+
+
+@pytest.mark.parametrize("far_m", [1e5, 1e300])
+def test_one_point_far_off_is_told_as_too_large_a_map_before_memory_is_asked_for(far_m):
+    room = ring().cells
+    points = WallPoints(np.array([0j, complex(far_m, far_m)]), np.array([1.0 + 0j, 1.0 + 0j]))
+    with pytest.raises(ValueError, match="is too large"):
+        line_field(points, room)
