@@ -31,6 +31,8 @@ FIELD_CELL_M: Final = (0.02, 0.11)
 """Smallest and largest cell of a map on which a pose is found."""
 WALLS_SUFFIX: Final = ".walls.csv"
 """Ending of the file with the walls, in place of .yaml."""
+WALLS_APART_M, WALLS_AGREE = 0.15, 0.75
+"""Largest distance between walls and the image's cells, and the least share of each that lies so near the other."""
 MAX_BYTES: Final = 64 << 20
 MAX_WALL_POINTS: Final = 500_000
 FINGERPRINT_DIGITS: Final = 12
@@ -154,6 +156,7 @@ def read_map(path: Path, occupancy: Callable[[MapSettings], Floats] = read_pgm) 
         if not beside.is_file():
             return CarMap(path.stem, field_of_cells(cells), grid=grid)
         points, scale = read_walls(beside)
+        _check_walls(beside, points, cells)
         return CarMap(path.stem, line_field(points, cells), scale, LAP_START, grid)
     except MapError:
         raise
@@ -211,6 +214,25 @@ def read_walls(path: Path) -> tuple[WallPoints, float]:
     table = np.array(rows)
     normals = table[:, 2] + 1j * table[:, 3]
     return WallPoints(table[:, 0] + 1j * table[:, 1], normals / np.abs(normals)), scale
+
+
+def _check_walls(path: Path, points: WallPoints, cells: MapCells) -> None:
+    """Refuse walls that do not lie on those of the image: of another lap, on whose frame the pose would be found."""
+    there = (points.places_m - cells.corner_m) * cells.turn.conjugate() / cells.cell_m
+    rows, columns = cells.wall.shape
+    inside = (there.real >= 0.0) & (there.imag >= 0.0) & (there.real < columns) & (there.imag < rows)
+    row, column = there.imag[inside].astype(np.intp), there.real[inside].astype(np.intp)
+    told = np.zeros_like(cells.wall)
+    told[row, column] = True
+    drawn, edge = cells.wall, cells.wall & _beside(cells.free)
+    for _ in range(math.ceil(WALLS_APART_M / cells.cell_m)):
+        told, drawn = _beside(told), _beside(drawn)
+    share = min(np.count_nonzero(drawn[row, column]) / there.size, np.mean(told[edge]) if edge.any() else 1.0)
+    if share < WALLS_AGREE:
+        raise MapError(
+            f"{path}: these are not the walls of the image: {share:.0%} of either lie on the other's. Copy all files of"
+            " the map, or make it again: wallride map"
+        )
 
 
 def walls_text(points: WallPoints, scale: float | None, about: str) -> str:

@@ -53,14 +53,38 @@ def test_a_map_is_shown_as_its_file_has_it(tmp_path):
     ]  # fmt: skip
 
 
+def round_the_box(shift=0.0):
+    """Return the walls of `box` as points, moved by a shift."""
+    xs, ys = -0.4 + np.arange(0.0, 2.81, 0.05), -1.4 + np.arange(0.0, 1.81, 0.05)
+    sides = ((xs - 1.4j, 1j), (xs + 0.4j, -1j), (-0.4 + 1j * ys, 1.0), (2.4 + 1j * ys, -1.0))
+    places = np.concatenate([side for side, _ in sides]) + shift
+    return WallPoints(places, np.concatenate([np.full(side.size, normal) for side, normal in sides]).astype(complex))
+
+
 def test_the_walls_beside_a_map_are_taken_with_scale_and_start(tmp_path):
     path = write(tmp_path, box())
-    points = WallPoints(np.array([complex(x_m, -1.393) for x_m in np.linspace(-0.3, 2.3, 50)]), np.full(50, 1j))
-    (tmp_path / "m.walls.csv").write_text(walls_text(points, 0.9712, "map by hand"))
+    (tmp_path / "m.walls.csv").write_text(walls_text(round_the_box(0.007j), 0.9712, "map by hand"))
     known = read_map(path)
     assert known.start == (0.0, 0.0, 0.0)
     assert known.scale == 0.9712
-    assert known.field.offsets_m[:-1] == pytest.approx(-1.393, abs=1e-6)
+    lower = known.field.near[known.field.cells_at(np.array([1.0 - 1.2j]))]
+    assert known.field.offsets_m[lower] == pytest.approx(-1.393, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "walls",
+    [
+        round_the_box(1.0), round_the_box(0.5 + 0.4j), round_the_box(-3.0),
+        WallPoints(round_the_box().places_m[:60], round_the_box().normals[:60]),
+    ],
+)  # fmt: skip
+def test_the_walls_of_another_lap_or_half_of_them_are_refused(tmp_path, walls):
+    path = write(tmp_path, box())
+    (tmp_path / "m.walls.csv").write_text(walls_text(round_the_box(0.05), 1.0, "by hand"))
+    read_map(path)
+    (tmp_path / "m.walls.csv").write_text(walls_text(walls, 1.0, "by hand"))
+    with pytest.raises(MapError, match=r"m\.walls\.csv: these are not the walls of the image: \d+% .* Copy all files"):
+        read_map(path)
 
 
 @pytest.mark.parametrize(
