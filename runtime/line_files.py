@@ -10,7 +10,9 @@ import numpy as np
 from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.line_following.race_line import CourseLine
 from wallride.runtime.control.localization.localizer import Localizer
+from wallride.runtime.control.localization.wall_points import MapGrid
 from wallride.runtime.control.method_settings import WallFollowSettings
+from wallride.runtime.control.perception.geometry import Floats
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.map_files import CarMap, MapError, fingerprint, read_map
 from wallride.runtime.settings.pose_map import PoseMapSettings
@@ -22,7 +24,14 @@ MAX_POINTS: Final = 100_000
 LEAST_POINTS: Final = 10
 STEP_M: Final = (0.005, 0.5)
 """Least and largest distance of two points."""
-MAX_MPS: Final = 50.0
+SPEEDS_MPS: Final = (0.3, 50.0)
+"""Least and largest speed of a point: a car does not come past one that is slower."""
+HEADING_RAD, TURN_RAD = 0.3, 0.2
+"""Largest angle between a heading and the way to the next point, and between the turn that curvatures say over TURN_M
+and that of the headings: both of `wallride line` differ by less than 0.01."""
+TURN_M: Final = 1.0
+MOST_SOLID: Final = 0.02
+"""Largest share of points that are on no free cell of the map."""
 AGAIN: Final = "Make it again: wallride line"
 
 
@@ -56,7 +65,31 @@ def read_line(path: Path, map_file: Path | None = None) -> CourseLine:
             f" {table[place, 0]:g} m it is {steps_m[place]:.3g} m. {AGAIN}"
         )
     along_m = np.concatenate([[0.0], np.cumsum(steps_m)[:-1]])
-    return CourseLine(places, along_m, table[:, 3], table[:, 4], table[:, 5], float(steps_m.sum()))
+    line = CourseLine(places, along_m, table[:, 3], table[:, 4], table[:, 5], float(steps_m.sum()))
+    if why_not := _contradiction(line, steps_m):
+        raise MapError(f"{path}: {why_not}. {AGAIN}")
+    return line
+
+
+def _contradiction(line: CourseLine, steps_m: Floats) -> str:
+    """Return where heading or curvature are not those of the points, as with other axes or units; "" where they are."""
+    turns = np.exp(1j * (np.roll(line.yaw_rad, -1) - line.yaw_rad))
+    ways = np.exp(1j * line.yaw_rad) * np.sqrt(turns)
+    off_rad = np.angle((np.roll(line.places_m, -1) - line.places_m) / ways)
+    place = int(np.argmax(np.abs(off_rad) > HEADING_RAD))
+    if abs(off_rad[place]) > HEADING_RAD:
+        return (
+            f"after s {line.along_m[place]:g} m yaw_rad is {math.degrees(-off_rad[place]):.0f} degrees off the way to"
+            " the next point; it counts from the x axis, counter-clockwise"
+        )
+    bends_rad = steps_m * (line.curvature_radpm + np.roll(line.curvature_radpm, -1)) / 2
+    apart_rad = np.cumsum(np.tile(np.angle(turns) - bends_rad, 2))
+    count = min(steps_m.size, max(1, round(TURN_M / float(steps_m.mean()))))
+    over_rad = np.abs(apart_rad[count : count + steps_m.size] - apart_rad[: steps_m.size])
+    place = int(np.argmax(over_rad > TURN_RAD))
+    if over_rad[place] > TURN_RAD:
+        return f"after s {line.along_m[place]:g} m kappa_radpm is not the turn of yaw_rad; it is positive to the left"
+    return ""
 
 
 def _check_map(path: Path, named: str, map_file: Path) -> None:
@@ -76,10 +109,13 @@ def _row(path: Path, number: int, text: str) -> tuple[float, ...]:
         row = tuple(map(float, text.split(";")))
     except ValueError:
         row = ()
-    if len(row) != COLUMNS or not all(map(math.isfinite, row)) or not 0.0 <= row[5] <= MAX_MPS:
+    if len(row) != COLUMNS or not all(map(math.isfinite, row)):
         raise MapError(
             f"{path}, line {number}: not s_m; x_m; y_m; yaw_rad; kappa_radpm; vx_mps; ax_mps2; away_m. {AGAIN}"
         )
+    if not SPEEDS_MPS[0] <= row[5] <= SPEEDS_MPS[1]:
+        least, most = SPEEDS_MPS
+        raise MapError(f"{path}, line {number}: vx_mps has to be {least:g} to {most:g}, not {row[5]:g}. {AGAIN}")
     return row
 
 
@@ -104,7 +140,23 @@ def read_course(settings: PoseMapSettings, car: CarSettings) -> RaceCourse | Non
     beside = path.with_name(path.stem + LINE_SUFFIX)
     known = read_map(path)
     named = Path(settings.line).expanduser() if settings.line else beside if beside.is_file() else None
-    return course_of(known, settings.start, car, read_line(named, path) if named is not None else None)
+    line = read_line(named, path) if named is not None else None
+    if line is not None and known.grid is not None and (why_not := _through_walls(line, known.grid)):
+        raise MapError(f"{named}: {why_not} of {path}. {AGAIN}")
+    return course_of(known, settings.start, car, line)
+
+
+def _through_walls(line: CourseLine, grid: MapGrid) -> str:
+    """Return where a line leads over cells of a map that are not free, "" where it does not."""
+    there = (line.places_m - grid.corner_m) * grid.turn.conjugate() / grid.cell_m
+    rows, columns = grid.values.shape
+    inside = (there.real >= 0.0) & (there.imag >= 0.0) & (there.real < columns) & (there.imag < rows)
+    solid = ~inside
+    solid[inside] = grid.values[there.imag[inside].astype(np.intp), there.real[inside].astype(np.intp)] != 0
+    if np.mean(solid) <= MOST_SOLID:
+        return ""
+    first = line.places_m[int(np.argmax(solid))]
+    return f"the line leads through what is not free, at x {first.real:.1f} m, y {first.imag:.1f} m,"
 
 
 def course_of(

@@ -1,6 +1,7 @@
 """`wallride param race`: map and law into the car's file, and the car starts anew; or a refusal, and the file stays."""
 
 import argparse
+import math
 
 import pytest
 
@@ -53,11 +54,13 @@ class Car:
 
 @pytest.fixture
 def made(tmp_path):
-    """A map with its race line, square, of 5 m/s at most."""
+    """A map with its race line, a circle, of 5 m/s at most."""
     (tmp_path / "lab.yaml").write_text("# map by wallride of a.mcap, good\nimage: lab.pgm\n")
-    corners = [(side * 0.25, 0.0) for side in range(10)] + [(2.5, side * 0.25) for side in range(10)]
-    corners += [(2.5 - x, 2.5 - y) for x, y in corners]
-    rows = [f"{0.25 * n}; {x}; {y}; 0; 0; {4 + n % 2}; 0; 1" for n, (x, y) in enumerate(corners)]
+    turns_rad = [math.tau * n / 40 for n in range(40)]
+    rows = [
+        f"{2 * turn}; {2 * math.sin(turn)}; {-2 * math.cos(turn)}; {turn}; 0.5; {4 + n % 2}; 0; 1"
+        for n, turn in enumerate(turns_rad)
+    ]
     (tmp_path / "lab.line.csv").write_text("\n".join(rows))
     return tmp_path / "lab.yaml"
 

@@ -29,13 +29,25 @@ def test_a_line_is_read_as_it_was_written(tmp_path):
     assert line.speed_at(2.0) == 2.0
 
 
+def in_the_box(speed_mps=2.0, shift=0.0):
+    """Return the text of a line in the room of `box`."""
+    line = circle(0.6, speed_mps)
+    return text(line, x=line.places_m.real + 1.0 + shift, y=line.places_m.imag - 0.5)
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [
         ("# nothing\n", "0 points are no line"),
         ("1; 2; 3\n", "line 1: not s_m; x_m"),
         ("nan; 0; 0; 0; 0; 1; 0; 1\n", "line 1: not s_m"),
-        (text(circle(), v=circle().speed_mps - 3.0), "line 2: not s_m"),
+        (text(circle(), v=circle().speed_mps - 3.0), "line 2: vx_mps has to be 0.3 to 50, not -1"),
+        (text(circle(), v=circle().speed_mps - 1.9), "line 2: vx_mps has to be 0.3 to 50, not 0.1"),
+        (text(circle(), yaw=circle().yaw_rad - np.pi / 2), "after s 0 m yaw_rad is -90 degrees off .* from the x axis"),
+        (text(circle(), yaw=np.degrees(circle().yaw_rad)), "yaw_rad is .* degrees off the way"),
+        (text(circle(), x=circle().places_m.imag, y=circle().places_m.real), "yaw_rad is .* degrees off the way"),
+        (text(circle(), kappa=-circle().curvature_radpm), "after s 0 m kappa_radpm is not the turn of yaw_rad"),
+        (text(circle(), kappa=circle().curvature_radpm + 9.0 * (circle().along_m > 18.0)), "after s 16.9.* kappa"),
         ("\n".join(text(circle()).splitlines()[:60]), "the last joins the first; after s 5.8"),
     ],
 )
@@ -50,10 +62,10 @@ def test_the_line_beside_the_map_is_taken_and_another_by_its_name(tmp_path):
     map_ = write(tmp_path, box())
     assert read_course(PoseMapSettings(), CarSettings()) is None
     assert read_course(PoseMapSettings(file=str(map_)), CarSettings()).line is None
-    map_.with_name(f"{map_.stem}.line.csv").write_text(text(circle(speed_mps=1.0)))
+    map_.with_name(f"{map_.stem}.line.csv").write_text(in_the_box(1.0))
     assert read_course(PoseMapSettings(file=str(map_)), CarSettings()).line.speed_at(0.0) == 1.0
     other = tmp_path / "other.csv"
-    other.write_text(text(circle(speed_mps=3.0)))
+    other.write_text(in_the_box(3.0))
     named = PoseMapSettings(file=str(map_), line=str(other))
     assert read_course(named, CarSettings()).line.speed_at(0.0) == 3.0
     with pytest.raises(MapError, match=r"none\.csv: No such file"):
@@ -64,9 +76,18 @@ def test_the_line_beside_the_map_is_taken_and_another_by_its_name(tmp_path):
 def test_the_line_of_another_map_is_refused_with_the_next_step(tmp_path, changed):
     map_ = write(tmp_path, box())
     line = map_.with_name(f"{map_.stem}.line.csv")
-    line.write_text(text(circle()).replace("# a line", f"# a line, map {fingerprint(map_)}"))
+    line.write_text(in_the_box().replace("# a line", f"# a line, map {fingerprint(map_)}"))
     assert read_course(PoseMapSettings(file=str(map_)), CarSettings()).line is not None
     write(tmp_path, changed(box()))
     with pytest.raises(MapError, match=f"the line of another map than .*: wallride line {map_} -o {line}"):
         read_course(PoseMapSettings(file=str(map_)), CarSettings())
     assert read_line(line).length_m > 1.0, "without a map it is a line as any"
+
+
+@pytest.mark.parametrize("shift", [0.9, -3.0, 1e9])
+def test_a_line_through_walls_or_beside_the_map_is_refused_with_its_place(tmp_path, shift):
+    map_ = write(tmp_path, box())
+    beside = map_.with_name(f"{map_.stem}.line.csv")
+    beside.write_text(in_the_box(shift=shift))
+    with pytest.raises(MapError, match=r"m\.line\.csv: the line leads through what is not free, at x [-0-9]+\.\d m, y"):
+        read_course(PoseMapSettings(file=str(map_)), CarSettings())
