@@ -14,7 +14,7 @@ from typing import Any, Final
 from wallride.clients.connection import ConnectionProblemError, connected
 from wallride.clients.parameters import SAVED_WITHIN_S, ask
 from wallride.runtime.host.terminal_text import one_line, say
-from wallride.runtime.line_files import LINE_SUFFIX, read_line
+from wallride.runtime.line_files import LINE_SUFFIX, check_course, read_line
 from wallride.runtime.map_files import MapError, refusal_of
 from wallride.runtime.parameters import file as settings_file
 from wallride.runtime.parameters.catalogue import Value, values
@@ -37,11 +37,11 @@ async def run(options: argparse.Namespace) -> int:
     made = options.map.expanduser().absolute()
     try:
         line_mps = float(read_line(made.with_name(made.stem + LINE_SUFFIX), made).speed_mps.max())
-        refused = refusal_of(made)
+        if refused := refusal_of(made):
+            raise ConnectionProblemError(f"{made}: {refused}")
+        check_course(made)
     except MapError as error:
         raise ConnectionProblemError(str(error)) from None
-    if refused:
-        raise ConnectionProblemError(f"{made}: {refused}")
     async with connected(options, asks=True) as (bus, car):
 
         async def restart(question: Mapping[str, Any]) -> Mapping[str, Any]:

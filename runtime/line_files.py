@@ -146,6 +146,11 @@ def read_course(settings: PoseMapSettings, car: CarSettings) -> RaceCourse | Non
     return course_of(known, settings.start, car, line)
 
 
+def check_course(file: Path) -> None:
+    """Read a map with its walls and line, as a car that starts does. Raises: MapError, with what to do."""
+    read_course(PoseMapSettings(file=str(file)), CarSettings())
+
+
 def _through_walls(line: CourseLine, grid: MapGrid) -> str:
     """Return where a line leads over cells of a map that are not free, "" where it does not."""
     there = (line.places_m - grid.corner_m) * grid.turn.conjugate() / grid.cell_m

@@ -1,10 +1,11 @@
 """`wallride param race`: map and law into the car's file, and the car starts anew; or a refusal, and the file stays."""
 
 import argparse
-import math
 
 import pytest
 
+from tests.runtime.test_line_files import in_the_box
+from tests.runtime.test_map_files import box, write
 from wallride import param_options
 from wallride.clients import race_along
 from wallride.clients.connection import ConnectionProblemError
@@ -54,14 +55,10 @@ class Car:
 
 @pytest.fixture
 def made(tmp_path):
-    """A map with its race line, a circle, of 5 m/s at most."""
-    (tmp_path / "lab.yaml").write_text("# map by wallride of a.mcap, good\nimage: lab.pgm\n")
-    turns_rad = [math.tau * n / 40 for n in range(40)]
-    rows = [
-        f"{2 * turn}; {2 * math.sin(turn)}; {-2 * math.cos(turn)}; {turn}; 0.5; {4 + n % 2}; 0; 1"
-        for n, turn in enumerate(turns_rad)
-    ]
-    (tmp_path / "lab.line.csv").write_text("\n".join(rows))
+    """A map with its race line, of 5 m/s at most."""
+    map_ = write(tmp_path, box())
+    (tmp_path / "lab.yaml").write_text("# map by wallride of a.mcap, good\n" + map_.read_text())
+    (tmp_path / "lab.line.csv").write_text(in_the_box(5.0))
     return tmp_path / "lab.yaml"
 
 
@@ -117,6 +114,23 @@ async def test_a_refused_map_is_not_raced_along(made, car_toml):
     made.write_text("# map by wallride of a.mcap, refused: the ring is open\nimage: lab.pgm\n")
     async with Car() as car:
         with pytest.raises(ConnectionProblemError, match=r"lab\.yaml: the map is refused: the ring is open\. Drive"):
+            await car.race(made, "--config", car_toml)
+    assert car.restarts == 0
+    assert car_toml.read_text() == FILE
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "said"),
+    [
+        ("m.pgm", "P5 9 9 255 ", r"m\.pgm: says 9 x 9 cells and holds 0"),
+        ("lab.walls.csv", "9; 9; 1; 0\n", r"lab\.walls\.csv: these are not the walls"),
+        ("lab.line.csv", in_the_box(shift=0.9), r"lab\.line\.csv: the line leads through"),
+    ],
+)
+async def test_a_map_with_which_the_car_would_not_start_is_not_written(made, car_toml, file, text, said):
+    (made.parent / file).write_text(text)
+    async with Car() as car:
+        with pytest.raises(ConnectionProblemError, match=said):
             await car.race(made, "--config", car_toml)
     assert car.restarts == 0
     assert car_toml.read_text() == FILE
