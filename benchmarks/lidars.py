@@ -32,7 +32,7 @@ from wallride.sim.devices.lidar_kinds import HOKUYO, assignments, device_for
 from wallride.sim.lab.cell import Cell
 from wallride.sim.lab.courses.sudden import case_of, navigator_of, scenarios
 from wallride.sim.lab.hazards import HAZARDS, case_of_hazard
-from wallride.sim.lab.laws import build, stack_of
+from wallride.sim.lab.laws import build, settings_of, stack_of
 from wallride.sim.live.record import Record
 from wallride.sim.live.scenes import WorldScene
 from wallride.sim.live.session import RuntimeStart, SimulatorSession
@@ -182,7 +182,7 @@ def driven(word: str, wanted: Wanted) -> LidarFigures:
 
 def allowed_mps(turning: str) -> float:
     """Return the speed that a lidar allows: the bound that the car's status names after a second."""
-    laws = stack_of("ball", "left", 1.0, SPEED_MPS)
+    laws = stack_of("ball", settings_of("ball", "left", 1.0, SPEED_MPS))
     drive(Case(load_world("corridor", side="left"), turning=turning, duration_s=1.0), laws.follower, laws.judge)
     return laws.guard.reach.limit.forward_mps
 

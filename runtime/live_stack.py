@@ -15,6 +15,7 @@ from wallride.runtime.control.localization.localizer import PoseEstimate
 from wallride.runtime.control.perception.scan_rate import ScanRate
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.recording.decision_log import DecisionLog
+from wallride.runtime.settings.driven_car import driven_car
 from wallride.runtime.settings.tree import Settings
 
 REQUIRED = frozenset({Source.SAFETY, Source.PERMIT})
@@ -33,7 +34,7 @@ class LiveStack:
         self.clock: Clock = decision_log.clock
         self.queue = CommandQueue(settings.effective_order(), self.clock)
         self.queue.on_put, self.queue.on_withdrawn = decision_log.add_command, decision_log.add_withdrawal
-        self.laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, self.clock, course)
+        self.laws = LiveLaws(settings.wall_follow, settings.safety, driven_car(settings), self.clock, course)
         self.course = course
         self.limiter = Limiter(limits(settings.car))
         self._rate = ScanRate()

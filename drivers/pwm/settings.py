@@ -44,6 +44,13 @@ class PwmSettings(BaseModel):
         float, Field(ge=0.2, le=10, description="Time of neutral after connecting, for which the ESC waits.")
     ] = 1.5
 
+    @property
+    def servo_ends_rad(self) -> tuple[float, float]:
+        """Return the largest angles to the right, negative, and to the left, within the linkage's pulses."""
+        ends_us = (self.steering_min_us, self.steering_max_us)
+        right, left = sorted((end_us - self.steering_center_us) / self.steering_us_per_rad for end_us in ends_us)
+        return right, left
+
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
         if self.throttle_channel == self.steering_channel:

@@ -87,6 +87,13 @@ class VescSettings(BaseModel):
             case _:
                 return text
 
+    @property
+    def servo_ends_rad(self) -> tuple[float, float]:
+        """Return the largest angles to the right, negative, and to the left, within servo_min and servo_max."""
+        ends = (self.servo_min, self.servo_max)
+        right, left = sorted((end - self.steering_to_servo_offset) / self.steering_to_servo_gain for end in ends)
+        return right, left
+
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
         if self.steering_to_servo_gain == 0:

@@ -42,3 +42,30 @@ class CarSettings(Section):
     def lidar_m(self) -> complex:
         """Return the place of the lidar in base_link, x + iy."""
         return complex(self.lidar_x_m, self.lidar_y_m)
+
+    @property
+    def steering_ends_rad(self) -> tuple[float, float]:
+        """Return the largest angles to the right, negative, and to the left."""
+        return -self.max_steering_rad, self.max_steering_rad
+
+    @property
+    def narrower_end_rad(self) -> float:
+        """Return the largest angle that the wheels reach to either side."""
+        return min(-self.steering_ends_rad[0], self.steering_ends_rad[1])
+
+    def steered_rad(self, asked_rad: float) -> float:
+        """Return the angle to which the wheels are steered when an angle is asked for."""
+        right_rad, left_rad = self.steering_ends_rad
+        return min(max(asked_rad, right_rad), left_rad)
+
+
+class ServoCar(CarSettings):
+    """A car whose servo may not reach `max_steering_rad`, or not to either side, as its motor's settings limit it."""
+
+    servo_ends_rad: tuple[float, float]
+
+    @property
+    def steering_ends_rad(self) -> tuple[float, float]:
+        """Return the largest angles to the right, negative, and to the left."""
+        right_rad, left_rad = self.servo_ends_rad
+        return max(-self.max_steering_rad, right_rad), min(self.max_steering_rad, left_rad)

@@ -15,6 +15,7 @@ from wallride.runtime.control.laws import FOLLOWERS, SAFETY, LawStack, Parts
 from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.own_laws.law_class import OWN_TAG, is_own, load_law
 from wallride.runtime.line_files import read_course
+from wallride.runtime.settings.driven_car import driven_car
 from wallride.runtime.settings.tree import Settings, load_settings
 from wallride.sim.lab.cell import Cell
 from wallride.sim.lab.courses.driven_line import course_in
@@ -68,26 +69,25 @@ def build(
     course: RaceCourse | None = None,
 ) -> tuple[Follower, Guard | None]:  # fmt: skip
     """Return fresh laws with the settings of `settings_of`."""
-    laws = stack_of(law, side, desired_m, speed_mps, assignments, course)
+    laws = stack_of(law, settings_of(law, side, desired_m, speed_mps, assignments), course)
     return laws.follower, None if check(law).endswith("+none") else laws.judge
 
 
-def stack_of(
-    law: str, side: Side, desired_m: float, speed_mps: float, assignments: Sequence[str] = (),
-    course: RaceCourse | None = None,
-) -> LawStack:  # fmt: skip
+def stack_of(law: str, settings: Settings, course: RaceCourse | None = None, *, servo: bool = False) -> LawStack:
     """Return the fresh stack of laws, on a course or the map that the settings name. Raises: SettingsError, MapError.
 
-    "none" is the report's safety with both rules off.
+    "none" is the report's safety with both rules off. servo: the laws know the limits of the servo, as on the car.
     """
-    settings = settings_of(law, side, desired_m, speed_mps, assignments)
+    follow = settings.wall_follow
 
     def prototype(parts: Parts) -> Prototype:
-        return Prototype(side, desired_m, speed_mps, parts.car, parts.perception.views)
+        views = parts.perception.views
+        return Prototype(follow.side, follow.desired_distance_m, follow.speed_mps, parts.car, views)
 
     driver = prototype if check(law).startswith("prototype+") else None
     course = course or read_course(settings.map, settings.car)
-    return LawStack(settings.wall_follow, settings.safety, settings.car, driver=driver, course=course)
+    car = driven_car(settings) if servo else settings.car
+    return LawStack(settings.wall_follow, settings.safety, car, driver=driver, course=course)
 
 
 def stack_in(cell: Cell, case: Case, assignments: Sequence[str] = (), blind: Follower | None = None) -> LawStack:
@@ -96,12 +96,14 @@ def stack_in(cell: Cell, case: Case, assignments: Sequence[str] = (), blind: Fol
     Its line is the way of `ball`, or that of a blind driver, and its first lap is at full speed.
     """
     known: tuple[str, ...] = (*cell.settings, *assignments)
+    servo = case.wiring is not None  # else the simulated wheels reach what they are asked for
+    asked = (cell.law, cell.side, case.desired_m, cell.speed_mps)
     if not needs_line(cell):
-        return stack_of(cell.law, cell.side, case.desired_m, cell.speed_mps, known)
+        return stack_of(cell.law, settings_of(*asked, known), servo=servo)
     ball, _ = build("ball", cell.side, case.desired_m, cell.speed_mps)
     course = course_in(case, blind or ball, cell.speed_mps, blind=blind is not None)
     known = ("wall_follow.first_lap_share=1", f"wall_follow.floor_mu={cell.mu}", *known)
-    return stack_of(cell.law, cell.side, case.desired_m, cell.speed_mps, known, course)
+    return stack_of(cell.law, settings_of(*asked, known), course, servo=servo)
 
 
 def needs_line(cell: Cell) -> bool:

@@ -111,7 +111,7 @@ def truly_dirty(dirt: Sectors, lidar: LidarSettings) -> Booleans:
 def _watched(cell: Cell) -> tuple[SimulatedRun, WatchedWindow]:
     if not laws.check(cell.law).endswith("+swept"):
         raise ValueError(f"{cell.law}: only the safety `swept` knows its window; write --method ball")
-    stack = laws.stack_of(cell.law, cell.side, cell.desired_m, cell.speed_mps)
+    stack = laws.stack_of(cell.law, laws.settings_of(cell.law, cell.side, cell.desired_m, cell.speed_mps))
     follower, watched = stack.follower, WatchedWindow(stack.guard)
     lidar = LidarSettings(noise_std_m=0.02, outlier_share=0.02, dirty_sectors=sectors(cell.scenario, cell.side))
     case = Case(

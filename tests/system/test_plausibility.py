@@ -24,14 +24,17 @@ def swap_phases(play):
     play.motor.phases_swapped = True
 
 
-@pytest.mark.parametrize("world", ["loop", "u_turn"])
-def test_a_car_with_two_phases_swapped_stands_after_half_a_metre_and_says_what_to_do(world):
-    """Once: also without an operator the phases do not swap back, and there is no retry."""
+@pytest.mark.parametrize(("world", "most_m"), [("loop", 0.9), ("u_turn", 1.5)])
+def test_a_car_with_two_phases_swapped_stands_after_half_a_metre_and_says_what_to_do(world, most_m):
+    """Once: also without an operator the phases do not swap back, and there is no retry.
+
+    A car that turns at once, as far as its servo lets it, looks for longer like one whose lidar is askew.
+    """
     story = Story(world, 5.0, lambda _: [], speed_mps=1.0, permit="always", events=((0.0, swap_phases),))
     told = tell(story)
     start = load_world(world).start
     backwards_m = [start.x_m - pose.x_m for pose in told.pose]
-    assert 0.3 < max(backwards_m) < 0.9
+    assert 0.3 < max(backwards_m) < most_m
     assert told.reasons[-1] == f"motor fault: {BACKWARDS}"
     assert abs(told.speed_mps[-1]) < 0.05
 

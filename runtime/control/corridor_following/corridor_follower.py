@@ -157,21 +157,25 @@ class CorridorFollower:
         late_s = min(max(scan.received_s - scan.stamp_s, 0.0), MAX_STEP_S)
         then = now.later(self._settings.latency_s + WIRE_S + late_s, self._told_rad, tyres)
         there = line.nearest(then.place_m, on.along_m)
-        most_rad = self._car.max_steering_rad
-        steering_rad = min(max(line_law.steering_rad(then, line, there, tyres), -most_rad), most_rad)
+        asked_rad = line_law.steering_rad(then, line, there, tyres)
+        steering_rad = self._side * self._car.steered_rad(self._side * asked_rad)
         speed_mps = min(
-            line_law.speed_mps(then, line, there), self._settings.speed_mps, self._by_grip_mps(now, steering_rad)
-        )
+            line_law.speed_mps(then, line, there), self._settings.speed_mps,
+            self._by_grip_mps(now, steering_rad, wide=abs(asked_rad) > abs(steering_rad)),
+        )  # fmt: skip
         heading_rad = -line_law.heading_error_rad(now, on, tyres)
         return Guidance(
             Drive(speed_mps, self._side * steering_rad), math.nan, math.nan, self._side * heading_rad,
             DRIVES, promise=self._promise(scan.stamp_s, now, line, on, tyres, seen),
         )  # fmt: skip
 
-    def _by_grip_mps(self, now: Moving, steering_rad: float) -> float:
-        """Return the speed that the grip leaves for this steering, which may correct an error beside the way's bend."""
+    def _by_grip_mps(self, now: Moving, steering_rad: float, *, wide: bool) -> float:
+        """Return the speed that the grip leaves for this steering, which may correct an error beside the way's bend.
+
+        wide: the car runs wide at the end of its steering, and tyres that slip less turn it more.
+        """
         mu, wheelbase_m = self._settings.assumed_mu, self._car.wheelbase_m
-        if abs(steering_rad) >= self._car.max_steering_rad:  # it runs wide, and tyres that slip less turn it more
+        if wide:
             mu *= SLIPPING_SHARE
         most_mps = speed_limit_mps(steering_rad + now.trim_rad, wheelbase_m, mu)
         used = min(1.0, (now.speed_mps / most_mps) ** 2)

@@ -191,9 +191,8 @@ class LineFollower:
         then = now.later(self._settings.latency_s + WIRE_S + late_s, self._told_rad, tyres)
         there = line.nearest(then.place_m, on.along_m)
         pulled = tyres.pulling(share**2 * line.pull_at(there.along_m))
-        most_rad = self._car.max_steering_rad
         aimed = replace(there, aside_m=there.aside_m - self._correction.aim_m(there.along_m, share))
-        steering_rad = min(max(line_law.steering_rad(then, line, aimed, tyres, pulled), -most_rad), most_rad)
+        steering_rad = self._car.steered_rad(line_law.steering_rad(then, line, aimed, tyres, pulled))
         speed_mps = share * line_law.speed_mps(then, line, there)
         far = max(0.0, (abs(there.aside_m) - JOINED_M) / (LEFT_M - JOINED_M)) if self._joined else 1.0
         if far > 0.0:

@@ -95,7 +95,7 @@ class WayOutSearch:
         track_m, headings = behind.track()
         search = PoseSearch(
             (body.around, body.bare),
-            (body.car.max_steering_rad, body.car.wheelbase_m),
+            (body.car.narrower_end_rad, body.car.wheelbase_m),
             (behind.backed_m if self.backs else math.inf, self._most_backed_m),
             ((track_m - here.place_m) * turned, headings * turned),
             self.goal,

@@ -93,8 +93,7 @@ class Emergency:
             kept = Manoeuvre(wish_rad, kept.brake_mps2)
         situation = _situation(strip, stamp_s, active)
         body = strip.body
-        most_rad, gentle_share = body.car.max_steering_rad, body.settings.gentle_share
-        tried = candidates(wish_rad, most_rad, situation.grips_mps2, gentle_share)
+        tried = candidates(wish_rad, body.car.steering_ends_rad, situation.grips_mps2, body.settings.gentle_share)
         if kept not in tried:
             tried.insert(1, kept)
         chosen = best_of(situation, tried, kept, wish_rad, active)

@@ -123,15 +123,16 @@ def best_of(
 
 
 def candidates(
-    wish_rad: float, most_rad: float, grips_mps2: tuple[float, float], gentle_share: float
+    wish_rad: float, ends_rad: tuple[float, float], grips_mps2: tuple[float, float], gentle_share: float
 ) -> list[Manoeuvre]:
     """Return the manoeuvres to try: the full brake first, then the driver's own steering, straight on, and turns.
 
-    Of equal ones the first is chosen. gentle_share: share of a slippery floor's grip used by the gentlest brake.
+    Of equal ones the first is chosen. ends_rad: of steering, right and left. gentle_share: share of a slippery floor's
+    grip used by the gentlest brake.
     """
     grip_mps2, slippery_mps2 = grips_mps2
     brakes_mps2 = (*(share * slippery_mps2 for share in (*BRAKE_SHARES, gentle_share, 0.0)), HARD_SHARE * grip_mps2)
-    steerings_rad = dict.fromkeys([wish_rad, *(share * most_rad for share in STEERING_SHARES)])
+    steerings_rad = dict.fromkeys([wish_rad, *(abs(share) * ends_rad[share >= 0.0] for share in STEERING_SHARES)])
     return [FULL_BRAKE, *(Manoeuvre(steering, brake) for steering in steerings_rad for brake in brakes_mps2)]
 
 

@@ -197,8 +197,7 @@ class SweptAssessment:
         return _slower_of(ceiling, self._unseen(speed_mps, self._possible_rad(steering_rad), reaction_s))
 
     def _possible_rad(self, steering_rad: float) -> float:
-        most_rad = self.guard.car.max_steering_rad
-        return min(max(steering_rad, -most_rad), most_rad)
+        return self.guard.car.steered_rad(steering_rad)
 
     def _ceiling(self, age_s: float) -> Verdict:
         """Return the limit that holds for every drive: by the scan's age and the window."""

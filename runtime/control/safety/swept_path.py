@@ -112,7 +112,7 @@ class Strip:
 
     def free_somewhere(self, length_m: float = FREE_WAY_M) -> bool:
         """Return whether any steering leads the standing car length_m ahead without a contact."""
-        most_rad = self.body.car.max_steering_rad
+        most_rad = self.body.car.narrower_end_rad
         return any(self.contact(share * most_rad, length_m).travel_m >= length_m for share in OTHER_STEERINGS)
 
     def reaches(self, points_m: Places, steering_rad: float, length_m: float) -> Contact:

@@ -121,7 +121,7 @@ class BallFollower:
         self._bend_per_m += BEND_LOW_PASS * (ball.bend_per_m - self._bend_per_m)
         error_m, steering_rad, wanted_mps = self._answer(ball, tracked, shift, desired_m, speed_mps)
         self._lost.found(steering_rad)
-        drive = Drive(wanted_mps, self._sign * steering_rad)
+        drive = Drive(wanted_mps, self._car.steered_rad(self._sign * steering_rad))
         self._predictor.answers.said(scan.received_s, drive.steering_rad)
         angle_rad, line_m = math.nan, math.nan
         if line is not None:
@@ -163,7 +163,7 @@ class BallFollower:
     def _without_wall(self, moved_m: float) -> Guidance:
         drive, reason = self._lost.drive(moved_m)
         if drive is not None:
-            drive = Drive(drive.speed_mps, self._sign * drive.steering_rad)
+            drive = Drive(drive.speed_mps, self._car.steered_rad(self._sign * drive.steering_rad))
         return Guidance(drive, math.nan, math.nan, math.nan, reason)
 
 

@@ -11,6 +11,7 @@ from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.limiter import Limiter
 from wallride.runtime.live_stack import REQUIRED
 from wallride.runtime.recording.decision_log import DecisionEvent, FollowerEvent, SafetyEvent, ScanEvent, SettingsEvent
+from wallride.runtime.settings.driven_car import driven_car
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.virtual.devices import ranges_between_walls
 
@@ -35,7 +36,7 @@ def replayed(content):
         match event:
             case SettingsEvent():
                 settings = Settings.model_validate(event.settings)
-                laws = LiveLaws(settings.wall_follow, settings.safety, settings.car, clock)
+                laws = LiveLaws(settings.wall_follow, settings.safety, driven_car(settings), clock)
             case ScanEvent():
                 scans[event.sequence] = event.scan(ranges_m[event.sequence])
             case SafetyEvent():

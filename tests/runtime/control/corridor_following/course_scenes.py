@@ -54,13 +54,13 @@ def report(stamp_s, speed_mps=0.0, distance_m=0.0, steering_rad=0.0):
     )
 
 
-def perception():
-    return Perception(CAR, Assumed(LidarHealthSettings(), 0.5, 0.5 * 9.81))
+def perception(car=CAR):
+    return Perception(car, Assumed(LidarHealthSettings(), 0.5, 0.5 * 9.81))
 
 
-def follower(**settings):
+def follower(car=CAR, **settings):
     chosen = CorridorFollowSettings(**{"speed_mps": 6.0, **settings})
-    return CorridorFollower(chosen, CAR, perception())
+    return CorridorFollower(chosen, car, perception(car))
 
 
 def returns_in(world, pose=START, side="left"):

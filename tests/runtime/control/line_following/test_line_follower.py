@@ -17,7 +17,7 @@ from wallride.runtime.control.line_following.line_settings import LineFollowSett
 from wallride.runtime.control.localization.line_field import field_of_cells
 from wallride.runtime.control.localization.localizer import Localizer
 from wallride.runtime.control.perception.view import ViewCache
-from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
+from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings, ServoCar
 
 CAR = CarSettings(max_speed_mps=6.0)
 START = (2.0, 0.0, 0.0)
@@ -29,10 +29,10 @@ def room():
     return room, field_of_cells(room.cells)
 
 
-def follower(field, line=None, start=START, **settings):
-    course = field and RaceCourse("lab", field, Localizer(field, CAR, start), line or round_the_block())
+def follower(field, line=None, start=START, car=CAR, **settings):
+    course = field and RaceCourse("lab", field, Localizer(field, car, start), line or round_the_block())
     chosen = LineFollowSettings(desired_distance_m=0.9, side="right", **settings)
-    return LineFollower(chosen, CAR, ViewCache(CAR), course)
+    return LineFollower(chosen, car, ViewCache(car), course)
 
 
 def answers(one, room, pose, *, scans=6, begin=0, speed_mps=0.0, **more):
@@ -54,6 +54,13 @@ def test_on_the_line_it_drives_the_line(room):
     assert abs(last.angle_rad) < 0.02
     assert one.path_m is not None
     assert one.path_m[0, -1] > 3.0
+
+
+@pytest.mark.parametrize(("yaw_rad", "end_rad"), [(0.3, -0.1), (-0.3, 0.2)])
+def test_it_steers_no_more_than_the_servo_does(room, yaw_rad, end_rad):
+    car = ServoCar(max_speed_mps=6.0, servo_ends_rad=(-0.1, 0.2))
+    last = answers(follower(room[1], car=car), room[0], (2.0, 0.05, yaw_rad))[-1]
+    assert (last.reason, last.drive.steering_rad) == (line_follower.DRIVES, end_rad)
 
 
 def test_it_aims_to_the_side_that_the_laps_have_taught(room, monkeypatch):

@@ -10,6 +10,9 @@ from tests.runtime.in_earnest import judged
 from wallride.drivers.api import Drive
 from wallride.runtime.control.recovery.traffic import SETTLED_S
 from wallride.runtime.control.recovery.way_out import DISBELIEF, HELP, NO_ADVICE, TRAFFIC
+from wallride.runtime.control.safety.swept import SweptGuard
+from wallride.runtime.control.safety.swept_settings import SweptSettings
+from wallride.runtime.control.vehicle import ServoCar
 from wallride.sim.world.pose import Pose
 from wallride.sim.world.segments import SegmentGeometry, box
 
@@ -81,6 +84,18 @@ def test_backs_out_turns_out_and_hands_the_wheel_back_without_a_touch():
     stage.go(2.0)
     assert stage.pose.x_m > 1.0 or abs(stage.pose.y_m) > 1.0  # past the box
     assert stage.step() == NO_ADVICE
+
+
+def test_no_leg_counts_on_more_steering_than_the_servo_has_to_either_side():
+    stage = Stage(AHEAD)
+    stage.guard = SweptGuard(SweptSettings(), ServoCar(servo_ends_rad=(-0.2, 0.3)))
+    stage.drive_up()
+    asked_rad = set()
+    while not free(stage):
+        advice = stage.step()
+        if advice.drive is not None:
+            asked_rad.add(abs(advice.drive.steering_rad))
+    assert max(asked_rad) == 0.2
 
 
 def test_wheels_turn_before_the_car_moves():

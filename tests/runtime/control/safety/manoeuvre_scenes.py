@@ -39,7 +39,9 @@ def situation(points_m, past_rad=NO_PAST, **how):
 
 
 def outcomes_for(points_m, wish_rad=0.0, **how):
-    return situation(points_m, **how).predict(candidates(wish_rad, LOCK_RAD, GRIPS_MPS2, SETTINGS.gentle_share))
+    return situation(points_m, **how).predict(
+        candidates(wish_rad, (-LOCK_RAD, LOCK_RAD), GRIPS_MPS2, SETTINGS.gentle_share)
+    )
 
 
 def chosen_for(points_m, wish_rad=0.0, kept=FULL_BRAKE, **how):

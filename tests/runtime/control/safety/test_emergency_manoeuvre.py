@@ -132,7 +132,7 @@ def test_what_cannot_be_chosen_is_not_rolled_out(gap_m, left_m, speed_mps, wish_
             return super().predict(manoeuvres)
 
     here = situation(box(gap_m, 0.6, left_m), speed_mps=speed_mps)
-    tried = candidates(wish_rad, LOCK_RAD, GRIPS_MPS2, SETTINGS.gentle_share)
+    tried = candidates(wish_rad, (-LOCK_RAD, LOCK_RAD), GRIPS_MPS2, SETTINGS.gentle_share)
     kept = tried[keeps % len(tried)]
     counted = Counted(here.start, here.points_m, here.grips_mps2, here.past_rad, here.coming_rad)
     found = best_of(counted, tried, kept, wish_rad)

@@ -50,7 +50,7 @@ class Predicted:
 
 
 def test_what_is_tried_and_in_which_order():
-    tried = candidates(0.1, 0.4, (8.0, 5.0), 0.2)
+    tried = candidates(0.1, (-0.4, 0.4), (8.0, 5.0), 0.2)
     brakes_mps2 = [0.7 * 5.0, 0.45 * 5.0, 0.2 * 5.0, 0.0, 0.8 * 8.0]
     assert tried[0] == FULL_BRAKE == Manoeuvre(0.0, math.inf)
     assert [each.steering_rad for each in tried[1::5]] == [0.1, 0.0, 0.4, -0.4, 0.2, -0.2]
@@ -58,7 +58,7 @@ def test_what_is_tried_and_in_which_order():
         assert [each.brake_mps2 for each in tried[first : first + 5]] == pytest.approx(brakes_mps2)
         assert len({each.steering_rad for each in tried[first : first + 5]}) == 1
     assert len(tried) == 31
-    assert len(candidates(0.4, 0.4, (8.0, 5.0), 0.2)) == 26, "equal steering is tried once"
+    assert len(candidates(0.4, (-0.4, 0.4), (8.0, 5.0), 0.2)) == 26, "equal steering is tried once"
 
 
 def test_an_outcome_is_the_worst_of_its_floors():
