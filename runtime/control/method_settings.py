@@ -1,7 +1,12 @@
-"""Settings of every law, discriminated by `wall_follow.method` and `safety.method`."""
+"""Settings of every law, discriminated by `wall_follow.method` and `safety.method`.
 
+A law of wallride is entered once, in `WallFollowSettings` or `SafetySettings`; its name is the default of `method`.
+"""
+
+import functools
+import operator
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_args
 
 from pydantic import BaseModel, Discriminator, Field, SerializeAsAny, Tag, ValidationInfo, field_validator
 
@@ -77,29 +82,35 @@ WallFollowSettings = (
     BallFollowSettings | ReportFollowSettings | LineFollowSettings | CorridorFollowSettings | OwnFollowSettings
 )
 SafetySettings = SweptSafetySettings | ReportSafetySettings | OwnSafetySettings
-ChosenWallFollow = Annotated[
-    Annotated[BallFollowSettings, Tag("ball")]
-    | Annotated[ReportFollowSettings, Tag("report")]
-    | Annotated[LineFollowSettings, Tag("line")]
-    | Annotated[CorridorFollowSettings, Tag("corridor")]
-    | Annotated[OwnFollowSettings, Tag(OWN_TAG)],
-    _method(DEFAULT_FOLLOW),
-]
-ChosenSafety = Annotated[
-    Annotated[SweptSafetySettings, Tag("swept")]
-    | Annotated[ReportSafetySettings, Tag("report")]
-    | Annotated[OwnSafetySettings, Tag(OWN_TAG)],
-    _method(DEFAULT_SAFETY),
-]
-METHODS: Mapping[str, tuple[type[BaseModel], ...]] = {
-    "wall_follow": (BallFollowSettings, ReportFollowSettings, LineFollowSettings, CorridorFollowSettings),
-    "safety": (SweptSafetySettings, ReportSafetySettings),
-}
-OWN_METHODS: Mapping[str, type[BaseModel]] = {"wall_follow": OwnFollowSettings, "safety": OwnSafetySettings}
+OWN_METHODS: Final[Mapping[str, type[BaseModel]]] = {"wall_follow": OwnFollowSettings, "safety": OwnSafetySettings}
 """Settings of the user's own laws, beside the built-in ones."""
-TAGS = frozenset(
-    {OWN_TAG, *(str(each.model_fields["method"].default) for section in METHODS.values() for each in section)}
-)
+METHODS: Final[Mapping[str, tuple[type[BaseModel], ...]]] = {
+    section: tuple(law for law in get_args(laws) if law is not OWN_METHODS[section])
+    for section, laws in (("wall_follow", WallFollowSettings), ("safety", SafetySettings))
+}
+"""Settings of the built-in laws of each section."""
+
+
+def name_of(law: type[BaseModel]) -> str:
+    """Return the name by which `method` selects a law, from its settings; that of the user's laws is OWN_TAG."""
+    return str(law.model_fields["method"].default)
+
+
+if TYPE_CHECKING:
+    ChosenWallFollow = WallFollowSettings
+    ChosenSafety = SafetySettings
+else:
+
+    def _chosen(section: str, default: str) -> object:
+        """Return the union of a section's laws, of which `method` selects one."""
+        laws = (*METHODS[section], OWN_METHODS[section])
+        tagged = (Annotated[law, Tag(name_of(law))] for law in laws)
+        return Annotated[functools.reduce(operator.or_, tagged), _method(default)]
+
+    ChosenWallFollow = _chosen("wall_follow", DEFAULT_FOLLOW)
+    ChosenSafety = _chosen("safety", DEFAULT_SAFETY)
+
+TAGS: Final = frozenset({OWN_TAG, *(name_of(law) for laws in METHODS.values() for law in laws)})
 
 _KEPT = frozenset({"side", "desired_distance_m", "speed_mps", "expires_after_s", "binds_teleop"})
 """Settings with the same meaning in every law; gains and margins of one law do not transfer to another."""

@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import to_jsonable_python
 
-from wallride.runtime.control.method_settings import METHODS
+from wallride.runtime.control.method_settings import METHODS, name_of
 from wallride.runtime.control.own_laws.law_class import loaded
 from wallride.runtime.own_drivers.driver_class import loaded_drivers
 from wallride.runtime.parameters.policy import Effect, Loosens, effect_of, loosens_by
@@ -213,8 +213,7 @@ def _kind(
 ) -> tuple[ValueKind, tuple[str, ...]]:
     section, _, key = name.rpartition(".")
     if key == "method" and section in METHODS:
-        built_in = tuple(str(law.model_fields["method"].default) for law in METHODS[section])
-        return ValueKind.CHOICE, (*built_in, *own)
+        return ValueKind.CHOICE, (*map(name_of, METHODS[section]), *own)
     if key == "driver" and section in DRIVERS:
         return ValueKind.CHOICE, (*(str(one.model_fields["driver"].default) for one in DRIVERS[section]), *own)
     if get_origin(annotation) is Literal:

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from wallride.runtime.control.method_settings import METHODS, OWN_METHODS, TAGS, kept_by_new_method
+from wallride.runtime.control.method_settings import METHODS, OWN_METHODS, TAGS, kept_by_new_method, name_of
 from wallride.runtime.control.own_laws.law_class import is_own, loaded
 from wallride.runtime.parameters.catalogue import Parameter, Value, catalogue, shown, values
 from wallride.runtime.parameters.policy import is_looser
@@ -63,14 +63,14 @@ def read_texts(settings: Settings) -> None:
     """Read the texts of every setting of every law from the sources now, so that no request waits for the disk."""
     for section, laws in METHODS.items():
         for law in laws:
-            catalogue(_with_methods(settings, {f"{section}.method": law.model_fields["method"].default}))
+            catalogue(_with_methods(settings, {f"{section}.method": name_of(law)}))
 
 
 def _with_methods(settings: Settings, wishes: Mapping[str, object]) -> Settings:
     """Return the settings with the selected laws and their defaults; the settings themselves where no law changes."""
     tree = settings.model_dump(mode="json")
     for section, laws in METHODS.items():
-        models = {law.model_fields["method"].default: law for law in laws}
+        models = {name_of(law): law for law in laws}
         models |= dict.fromkeys(loaded(section), OWN_METHODS[section])
         method = wishes.get(f"{section}.method")
         if isinstance(method, str) and method in models and method != tree[section]["method"]:

@@ -27,7 +27,7 @@ from wallride.sim.world.pose import Side
 
 GUARD_OF = {name: name if name in SAFETY else "swept" for name in (*FOLLOWERS, "prototype") if name != OWN_TAG}
 """Guard of every follower on the car."""
-GUARDS = ("report", "swept", "none")
+GUARDS = (*sorted({*SAFETY} - {OWN_TAG}), "none")
 
 
 def check(law: str) -> str:

@@ -9,6 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
+from pydantic import BaseModel
+
 from wallride.cli import build_parser
 from wallride.reference.wire import wire_sections
 from wallride.runtime.arbitration.driving_state import (
@@ -20,12 +22,8 @@ from wallride.runtime.arbitration.driving_state import (
     DrivingState,
     Observation,
 )
-from wallride.runtime.control.corridor_following.corridor_settings import CorridorFollowSettings
-from wallride.runtime.control.line_following.line_settings import LineFollowSettings
-from wallride.runtime.control.method_settings import OwnSafetySettings
+from wallride.runtime.control.method_settings import METHODS, OWN_METHODS, name_of
 from wallride.runtime.control.own_laws.law_class import OWN_TAG
-from wallride.runtime.control.own_laws.settings import OwnFollowSettings
-from wallride.runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
 from wallride.runtime.parameters.catalogue import Parameter, catalogue
 from wallride.runtime.parameters.policy import Effect
 from wallride.runtime.ros.definitions import TYPES
@@ -132,26 +130,14 @@ def settings_page() -> str:
         "has to stand, because it reduces a margin of safety (`operator.loosen_safety_while_driving`). Ranges without",
         "a unit are ratios or counts.\n",
     ]
-    default = catalogue(Settings())
-    report = Settings(wall_follow=ReportFollowSettings(), safety=ReportSafetySettings())
-    line = Settings(wall_follow=LineFollowSettings())
-    corridor = Settings(wall_follow=CorridorFollowSettings())
-    own = Settings().model_copy(
-        update={"wall_follow": OwnFollowSettings.model_construct(), "safety": OwnSafetySettings.model_construct()}
-    )
-    others = {
-        "line": catalogue(line), "corridor": catalogue(corridor), "report": catalogue(report), OWN_TAG: catalogue(own)
-    }  # fmt: skip
-    for title, chosen in _sections(default, others):
+    for title, chosen in _sections(catalogue(Settings())):
         lines += [f"## {title}\n", "| setting | default | range | obeyed | looser | meaning |", "| --- " * 6 + "|"]
         lines += [_setting_row(parameter) for parameter in chosen]
         lines.append("")
     return "\n".join(lines)
 
 
-def _sections(
-    default: Mapping[str, Parameter], others: Mapping[str, Mapping[str, Parameter]]
-) -> Iterator[tuple[str, list[Parameter]]]:
+def _sections(default: Mapping[str, Parameter]) -> Iterator[tuple[str, list[Parameter]]]:
     """Yield each section with its settings; those of other laws after those of the default laws."""
     for section in dict.fromkeys(name.rpartition(".")[0] for name in default):
         chosen = [parameter for name, parameter in default.items() if name.rpartition(".")[0] == section]
@@ -163,20 +149,24 @@ def _sections(
             yield f"{section}, {choices[choice.name]} = {json.dumps(choice.default)}", chosen
         if section in DRIVERS:
             yield from _other_drivers(section)
-    for law, known in others.items():
-        for section in ("wall_follow", "safety"):
-            if law == OWN_TAG or known[f"{section}.method"].default == law:
-                chosen = [parameter for name, parameter in known.items() if name.rpartition(".")[0] == section]
-                yield f'{section}, method = "{law}"', chosen
+    for section, laws in METHODS.items():
+        others = {name_of(law): law for law in (*laws, OWN_METHODS[section])}
+        del others[str(default[f"{section}.method"].default)]
+        yield from _others(section, "method", others)
 
 
 def _other_drivers(section: str) -> Iterator[tuple[str, list[Parameter]]]:
     """Yield the settings of a device's drivers other than the default one."""
-    built_in = {str(model.model_fields["driver"].default): model.model_construct() for model in DRIVERS[section]}
+    built_in = {str(model.model_fields["driver"].default): model for model in DRIVERS[section]}
     del built_in[DEFAULT_DRIVERS[section]]
-    for name, chosen in (*sorted(built_in.items()), (OWN_TAG, OWN_DRIVERS[section].model_construct())):
-        known = catalogue(Settings().model_copy(update={section: chosen})).items()
-        yield f'{section}, driver = "{name}"', [one for key, one in known if key.rpartition(".")[0] == section]
+    yield from _others(section, "driver", {**dict(sorted(built_in.items())), OWN_TAG: OWN_DRIVERS[section]})
+
+
+def _others(section: str, choice: str, models: Mapping[str, type[BaseModel]]) -> Iterator[tuple[str, list[Parameter]]]:
+    """Yield a section's settings by each model of a choice."""
+    for name, model in models.items():
+        known = catalogue(Settings().model_copy(update={section: model.model_construct()})).items()
+        yield f'{section}, {choice} = "{name}"', [one for key, one in known if key.rpartition(".")[0] == section]
 
 
 def _setting_row(parameter: Parameter) -> str:

@@ -8,6 +8,7 @@ import pytest
 
 from tests.own_laws import EASY, STRAIGHT, law_file
 from wallride.runtime.arbitration.command import LAB_ORDER, Source
+from wallride.runtime.control.method_settings import METHODS, name_of
 from wallride.runtime.control.report.settings import ReportFollowSettings
 from wallride.runtime.control.vehicle import NAME_RULE
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
@@ -148,8 +149,8 @@ def test_a_law_of_the_users_takes_the_place_of_the_files_on_the_command_line(tmp
 def test_gains_left_in_the_file_of_an_own_law_are_told_with_the_remedy(tmp_path, law_file):
     file = tmp_path / "car.toml"
     file.write_text(GAINS.replace("ball", law_file(STRAIGHT)))
-    remedy = r"wall_follow\.kp is a setting of ball and report and line and corridor; delete it"
-    with pytest.raises(SettingsError, match=remedy):
+    having = " and ".join(name_of(law) for law in METHODS["wall_follow"] if "kp" in law.model_fields)
+    with pytest.raises(SettingsError, match=rf"wall_follow\.kp is a setting of {having}; delete it"):
         load_settings(file)
 
 

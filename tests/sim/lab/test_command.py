@@ -84,7 +84,7 @@ def test_pictures_are_drawn(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--method", "magic"], "write one of ball, report"),
+        (["--method", "magic"], "write one of ball, "),
         (["--speeds", "1,fast"], "numbers between 0.3 and 8"),
         (["--speeds", "nan"], "numbers between 0.3 and 8"),
         (["--mu", "0"], "numbers between 0.1 and 2"),

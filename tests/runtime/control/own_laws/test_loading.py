@@ -3,6 +3,7 @@
 import pytest
 
 from tests.own_laws import HEAD, INIT, STRAIGHT, law_file
+from wallride.runtime.control.method_settings import METHODS, name_of
 from wallride.runtime.settings.tree import SettingsError, load_settings
 
 __all__ = ["law_file"]
@@ -45,7 +46,8 @@ def test_a_wrong_file_class_or_name_is_said_with_the_remedy(law_file, tmp_path):
     assert "process.laws_folder" in missing
     assert "has no class Lav; did you mean Law?" in refusal(f"wall_follow.method={name[:-1]}v")
     assert "write module:Class, for example my_laws:Follower" in refusal("wall_follow.method=my_laws.py:Law")
-    assert "input should be 'ball', 'report', 'line', 'corridor', 'module:Class'" in refusal("wall_follow.method=bal")
+    known = ", ".join(f"'{name_of(law)}'" for law in METHODS["wall_follow"])
+    assert f"input should be {known}, 'module:Class'" in refusal("wall_follow.method=bal")
     assert "wall_follow.own.x is not a setting" in refusal(f"wall_follow.method={name}", "wall_follow.own.x=1")
 
 
