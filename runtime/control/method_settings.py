@@ -1,6 +1,7 @@
 """Settings of every law, discriminated by `wall_follow.method` and `safety.method`.
 
-A law of wallride is entered once, in `WallFollowSettings` or `SafetySettings`; its name is the default of `method`.
+A law of wallride is entered once, in `WallFollowSettings` or `SafetySettings`; its name is the default of `method`, and
+the first sentence of its settings says what it is.
 """
 
 import functools
@@ -25,19 +26,17 @@ DEFAULT_SAFETY = "swept"
 
 
 class BallFollowSettings(BallSettings):
-    """The rolling ball: the default follower."""
+    """The rolling ball, the default."""
 
     method: Literal["ball"] = "ball"
-    """Wall-following law: the rolling ball, the lab report's, the race line of a map, or a way between both borders."""
     expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
     """Lifetime of a navigation command, counted from its scan."""
 
 
 class SweptSafetySettings(SweptSettings):
-    """The swept footprint: the default safety."""
+    """The swept footprint, the default."""
 
     method: Literal["swept"] = "swept"
-    """Safety law: the swept footprint, or the lab report's."""
     binds_teleop: bool = False
     """Safety limits manual driving as well; it then needs a working lidar."""
     odometry_check: bool = True
@@ -54,7 +53,6 @@ class OwnSafetySettings(SweptSafetySettings):
     """A safety law of the user, beside the swept footprint: of both limits the lower one holds."""
 
     method: str = OWN_TAG  # type: ignore[assignment] # another name in place of the one literal
-    """Safety law: `swept`, `report`, or MODULE:CLASS of your own beside `swept`."""
     budget_s: Annotated[float, Field(ge=MIN_BUDGET_S, le=MAX_BUDGET_S)] = 0.005
     """Time allowed for an answer; three slower ones in a row, or one of 20 times as much, stop the car."""
     own: Annotated[SerializeAsAny[LawSettings], Field(validate_default=True)] = LawSettings()

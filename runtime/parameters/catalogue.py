@@ -44,6 +44,7 @@ UNITS: Mapping[str, str] = {
     "_mu": "1",
 }
 """Units by the end of a name, longer ends first."""
+LAWS: Mapping[str, str] = {"wall_follow": "Wall-following law", "safety": "Safety law"}
 
 
 class ValueKind(StrEnum):
@@ -180,8 +181,19 @@ def _of(section: type[BaseModel], above: str, own: tuple[str, ...]) -> Mapping[s
     found = {}
     for name, field in section.model_fields.items():
         if not isinstance(field.get_default(call_default_factory=True), BaseModel):
-            found[above + name] = _parameter(above + name, field, field.description or texts.get(name, ""), own)
+            text = _laws_in_words(above + name) or field.description or texts.get(name, "")
+            found[above + name] = _parameter(above + name, field, text, own)
     return found
+
+
+def _laws_in_words(name: str) -> str:
+    """Return what the laws are that a setting selects, by the first sentence of each; "" for any other setting."""
+    section, _, key = name.rpartition(".")
+    if key != "method" or section not in METHODS:
+        return ""
+    said = ((name_of(law), _one_line(law.__doc__ or "").partition(".")[0]) for law in METHODS[section])
+    laws = "".join(f"{law}: {words[:1].lower()}{words[1:]}. " for law, words in said)
+    return f"{LAWS[section]}. {laws}MODULE:CLASS: one of your own."
 
 
 def _parameter(name: str, field: FieldInfo, text: str, own: tuple[str, ...]) -> Parameter:

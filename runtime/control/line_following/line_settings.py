@@ -11,7 +11,6 @@ class LineFollowSettings(BallSettings):
     """The race line of a map, by the pose on it. Those of `ball` hold where the pose is not known: it drives then."""
 
     method: Literal["line"] = "line"
-    """Wall-following law: the rolling ball, the lab report's, the race line of a map, or a way between both borders."""
     speed_mps: Annotated[float, Field(ge=0, le=20)] = 6.0
     """Maximum speed along the line, whose own speeds are in its file."""
     wall_speed_mps: Annotated[float, Field(ge=0, le=10)] = 1.0

@@ -34,7 +34,6 @@ class OwnFollowSettings(Section):
     """A follower of the user."""
 
     method: str = OWN_TAG
-    """Wall-following law: `ball`, `report`, or MODULE:CLASS of your own."""
     side: Literal["left", "right"] = "left"
     """Side of the followed wall."""
     desired_distance_m: Annotated[float, Field(ge=0.2, le=5)] = 1.0

@@ -8,10 +8,9 @@ from wallride.runtime.settings_base import Section
 
 
 class ReportFollowSettings(Section):
-    """The report's wall follower: side, distance, speed and gains."""
+    """The lab report's follower."""
 
     method: Literal["report"] = "report"
-    """Wall-following law: the rolling ball, the lab report's, the race line of a map, or a way between both borders."""
     side: Literal["left", "right"] = "left"
     """Side of the followed wall."""
     desired_distance_m: Annotated[float, Field(ge=0.2, le=5)] = 1.0
@@ -38,10 +37,9 @@ class ReportFollowSettings(Section):
 
 
 class ReportSafetySettings(Section):
-    """The report's two safety rules, both along the beam ahead: a stop at a fixed distance, and before it a turn."""
+    """The lab report's two rules, both along the beam ahead: a stop at a fixed distance, and before it a turn."""
 
     method: Literal["report"] = "report"
-    """Safety law: the swept footprint, or the lab report's."""
     turn_below_m: Annotated[float, Field(ge=0, le=10)] = 1.5
     """Distance to an obstacle ahead below which the car steers fully away from the followed wall. 0: off; the stop at
     the turning radius stays."""

@@ -90,6 +90,19 @@ def test_the_text_under_a_field_is_its_description_also_when_a_base_class_has_it
     assert known["motor.poll_hz"].words == "Rate of reading the VESC's values."
 
 
+@of_every_law
+def test_what_selects_a_law_says_what_each_is(settings):
+    known = catalogue(settings)
+    words = known["wall_follow.method"].words
+    assert words.startswith(
+        "Wall-following law. ball: the rolling ball, the default. report: the lab report's follower."
+    )
+    for section, laws in METHODS.items():
+        for law in laws:
+            summary = law.__doc__.partition(".")[0]
+            assert f"{name_of(law)}: {summary[0].lower()}{summary[1:]}. " in known[f"{section}.method"].words
+
+
 def test_a_wish_is_planned_and_what_it_was_is_told():
     wanted = plan(SETTINGS, {"wall_follow.kp": 0.5, "safety.recovery.tries": 2, "wall_follow.kd": 4.5})
     assert wanted.changed == (("wall_follow.kp", 13.5, 0.5), ("safety.recovery.tries", 6, 2))
