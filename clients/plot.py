@@ -21,21 +21,7 @@ from wallride.runtime.host.terminal_text import one_line
 from wallride.runtime.wire import topics
 
 FIELDS: Mapping[str, str] = MappingProxyType(
-    {
-        topics.DISTANCE_ERROR: "data",
-        topics.OUTPUT: "drive.speed",
-        topics.NAVIGATION: "drive.speed",
-        topics.SAFETY: "drive.speed",
-        topics.TELEOP: "drive.speed",
-        topics.ODOM: "twist.twist.linear.x",
-        topics.POSE: "pose.pose.position.x",
-        topics.MOTOR: "velocity.0",
-        topics.BATTERY: "voltage",
-        topics.IMU: "angular_velocity.z",
-        topics.STATUS: "scan_to_motor_ms.p99",
-        topics.DECISION: "allowed_mps",
-        topics.BEAT: "speed_mps",
-    }
+    {name: topic.number for name, topic in topics.TELEMETRY.items() if topic.number} | {topics.BEAT: "speed_mps"}
 )
 """Field plotted of a topic by default."""
 REFRESH_S = 0.25

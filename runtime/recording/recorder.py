@@ -48,32 +48,8 @@ SILENT_DISK_S = 1.0
 LOST_LATELY_S = 10.0
 ARMED_S = 1.0
 EARLY_SHARE = 0.2
-EVERY_ONE = 0.0
-ONCE_S = 1e9
-"""Period of what is recorded once, and again at the beginning of each file."""
-
 PERIODS_S: Mapping[str, float] = MappingProxyType(
-    {
-        topics.OUTPUT: EVERY_ONE,
-        topics.DISTANCE_ERROR: EVERY_ONE,
-        topics.POSE: EVERY_ONE,
-        topics.MAP: ONCE_S,
-        topics.LINE: ONCE_S,
-        topics.IMU: 0.02,
-        topics.SAFETY: 0.05,
-        topics.NAVIGATION: 0.05,
-        topics.TELEOP: 0.05,
-        topics.JOY: 0.05,
-        topics.ODOM: 0.05,
-        topics.TF: 0.05,
-        topics.MOTOR: 0.05,
-        topics.WALL: 0.1,
-        topics.FOOTPRINT: 0.1,
-        topics.DECISION: 0.1,
-        topics.STATUS: 0.5,
-        topics.BATTERY: 1.0,
-        topics.DIAGNOSTICS: 1.0,
-    }
+    {name: topic.recorded_s for name, topic in topics.TELEMETRY.items() if topic.recorded_s is not None}
 )
 """Recording periods of telemetry's topics; motor states and decisions are all in the decision log, and every scan is
 recorded."""

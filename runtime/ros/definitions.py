@@ -11,26 +11,7 @@ SCHEMA_ENCODING = "ros2msg"
 """Name, in recorders and viewers (MCAP, Foxglove), of the form in which `definition` describes a type."""
 
 TYPES: Mapping[str, str] = MappingProxyType(
-    {
-        topics.SCAN: "sensor_msgs/msg/LaserScan",
-        topics.ODOM: "nav_msgs/msg/Odometry",
-        topics.NAVIGATION: "ackermann_msgs/msg/AckermannDriveStamped",
-        topics.SAFETY: "ackermann_msgs/msg/AckermannDriveStamped",
-        topics.TELEOP: "ackermann_msgs/msg/AckermannDriveStamped",
-        topics.JOY: "sensor_msgs/msg/Joy",
-        topics.OUTPUT: "ackermann_msgs/msg/AckermannDriveStamped",
-        topics.DISTANCE_ERROR: "std_msgs/msg/Float32",
-        topics.WALL: "visualization_msgs/msg/MarkerArray",
-        topics.FOOTPRINT: "visualization_msgs/msg/MarkerArray",
-        topics.IMU: "sensor_msgs/msg/Imu",
-        topics.MOTOR: "sensor_msgs/msg/JointState",
-        topics.BATTERY: "sensor_msgs/msg/BatteryState",
-        topics.DIAGNOSTICS: "diagnostic_msgs/msg/DiagnosticArray",
-        topics.TF: "tf2_msgs/msg/TFMessage",
-        topics.POSE: "geometry_msgs/msg/PoseWithCovarianceStamped",
-        topics.MAP: "nav_msgs/msg/OccupancyGrid",
-        topics.LINE: "nav_msgs/msg/Path",
-    }
+    {name: topic.schema for name, topic in topics.TELEMETRY.items() if topic.schema}
 )
 """Topics that carry CDR; the others are JSON (status, decision) or wallride's own format (beat)."""
 

@@ -33,15 +33,13 @@ from wallride.runtime.telemetry.sinks import Sink
 from wallride.runtime.telemetry.status import ObservedState
 from wallride.runtime.telemetry.topic_writers import Message, Newest, TopicWriters, Vector
 from wallride.runtime.wire import topics
+from wallride.runtime.wire.topics import NewBy
 
-BY_SCAN = (topics.SCAN, SCAN_BY_BEAM)
-BY_GUIDANCE = (topics.WALL,)
-BY_POSE = (topics.MAP, topics.LINE)
-BY_MOTOR = (topics.ODOM, topics.TF, TF_ODOM, topics.MOTOR, topics.BATTERY)
-BY_OUTPUT = (
-    topics.DECISION, topics.STATUS, topics.SAFETY, topics.NAVIGATION, topics.TELEOP, topics.JOY,
-    topics.FOOTPRINT,     topics.DIAGNOSTICS,
-)  # fmt: skip
+BY_SCAN = (*topics.new_by(NewBy.SCAN), SCAN_BY_BEAM)
+BY_GUIDANCE = topics.new_by(NewBy.GUIDANCE)
+BY_POSE = topics.new_by(NewBy.POSE)
+BY_MOTOR = (*topics.new_by(NewBy.MOTOR), TF_ODOM)
+BY_OUTPUT = topics.new_by(NewBy.OUTPUT)
 BURST_PERIOD_S = 0.04
 """Period of the bursts. Decisions come every 20 or 25 ms, so that every second one begins a burst: 20 or 25 a
 second."""

@@ -44,7 +44,7 @@ class Ros2Sink:
     def limit(self, rates: RatesHz) -> None:
         """Apply other rates from now on."""
         rates_hz: dict[str, float] = rates.model_dump()
-        rates_hz |= {TF_ODOM: rates.tf, SCAN_BY_BEAM: rates.scan}
+        rates_hz |= {TF_ODOM: rates_hz[topics.TF], SCAN_BY_BEAM: rates_hz[topics.SCAN]}
         self._gate.limit({topic: rates_hz[topic] for topic in PUBLISHED})
 
     def claim(self, topic: str, at_s: float, *, urgent: bool = False) -> bool:

@@ -41,7 +41,7 @@ hurry to stop the car."""
 VIEWED_SCANS_HZ: Final = 10.0
 VIEWED_HZ: Final = 20.0
 """Rates at which a router passes telemetry on, of scans and of topics that the car sends oftener."""
-FREQUENT: Final = (topics.OUTPUT, topics.DISTANCE_ERROR, topics.IMU)
+FREQUENT: Final = tuple(name for name, topic in topics.TELEMETRY.items() if topic.rate_hz > VIEWED_HZ)
 _ASKS: Final = ("liveliness_query", "declare_liveliness_subscriber")
 
 

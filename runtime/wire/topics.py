@@ -14,7 +14,10 @@ Stamps in JSON are seconds on the car's monotonic clock. Missing numbers are nul
 import json
 import re
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass
+from enum import Enum, auto
+from types import MappingProxyType
+from typing import Any, Final
 
 from pydantic_core import to_json
 
@@ -43,12 +46,145 @@ STATUS = "status"
 DECISION = "decision"
 BEAT = "beat"
 
+
+class NewBy(Enum):
+    """What makes a topic's value new. EACH: every message counts, and the hot path appends it itself."""
+
+    SCAN = auto()
+    GUIDANCE = auto()
+    POSE = auto()
+    MOTOR = auto()
+    OUTPUT = auto()
+    EACH = auto()
+
+
+EVERY_ONE_S: Final = 0.0
+ONCE_S: Final = 1e9
+"""Recording period of what is recorded once, and again at the beginning of each file."""
+_DRIVE = "ackermann_msgs/msg/AckermannDriveStamped"
+_MARKERS = "visualization_msgs/msg/MarkerArray"
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A topic of telemetry.
+
+    schema: its type of ROS 2, "" for a JSON object. meaning: of its value, for people, beginning with a noun.
+    rate_hz: default of its setting, see `runtime/settings/telemetry.py`. recorded_s: recording period, None for what
+    the decision log has anyway. number: field plotted by default, "" where it has no one number.
+    """
+
+    schema: str
+    new_by: NewBy
+    meaning: str
+    rate_hz: float
+    recorded_s: float | None
+    number: str = ""
+
+
+TELEMETRY: Final[Mapping[str, Topic]] = MappingProxyType(
+    {
+        SCAN: Topic(
+            "sensor_msgs/msg/LaserScan", NewBy.SCAN,
+            "the lidar's ranges, frame `laser`; a beam without a return is NaN (+Inf or -Inf on ROS 2's /scan)",
+            rate_hz=20.0, recorded_s=None,
+        ),
+        ODOM: Topic(
+            "nav_msgs/msg/Odometry", NewBy.MOTOR,
+            "pose in `odom` and speed of the rear axle, by the wheels and a gyro, or without one the steering",
+            rate_hz=20.0, recorded_s=0.05, number="twist.twist.linear.x",
+        ),
+        TF: Topic(
+            "tf2_msgs/msg/TFMessage", NewBy.MOTOR,
+            "the transforms `odom` to `base_link`, `base_link` to `laser`, and while it is known `map` to `odom`",
+            rate_hz=20.0, recorded_s=0.05,
+        ),
+        POSE: Topic(
+            "geometry_msgs/msg/PoseWithCovarianceStamped", NewBy.EACH,
+            "pose of the rear axle in `map`, while the car is located on the map of `map.file`",
+            rate_hz=20.0, recorded_s=EVERY_ONE_S, number="pose.pose.position.x",
+        ),
+        MAP: Topic(
+            "nav_msgs/msg/OccupancyGrid", NewBy.POSE,
+            "the map of `map.file`, frame `map`, of coarser cells where it is large; repeated, for new readers",
+            rate_hz=0.2, recorded_s=ONCE_S,
+        ),
+        LINE: Topic(
+            "nav_msgs/msg/Path", NewBy.POSE,
+            "the map's race line, frame `map`: a pose's stamp is the line's own time there; repeated likewise",
+            rate_hz=0.2, recorded_s=ONCE_S,
+        ),
+        MOTOR: Topic(
+            "sensor_msgs/msg/JointState", NewBy.MOTOR,
+            "joint `drive`: way, speed, motor current; joint `steering`: the commanded angle",
+            rate_hz=20.0, recorded_s=0.05, number="velocity.0",
+        ),
+        IMU: Topic(
+            "sensor_msgs/msg/Imu", NewBy.EACH,
+            "the motor controller's angular rates and accelerations, in `base_link`",
+            rate_hz=50.0, recorded_s=0.02, number="angular_velocity.z",
+        ),
+        BATTERY: Topic(
+            "sensor_msgs/msg/BatteryState", NewBy.MOTOR, "voltage and input current of the motor controller",
+            rate_hz=1.0, recorded_s=1.0, number="voltage",
+        ),
+        DISTANCE_ERROR: Topic(
+            "std_msgs/msg/Float32", NewBy.EACH,
+            "the follower's distance to its wall minus the wanted one [m]; NaN without a wall",
+            rate_hz=200.0, recorded_s=EVERY_ONE_S, number="data",
+        ),
+        WALL: Topic(
+            _MARKERS, NewBy.GUIDANCE, "markers: the fitted wall line and the path of the follower's ball",
+            rate_hz=10.0, recorded_s=0.1,
+        ),
+        OUTPUT: Topic(
+            _DRIVE, NewBy.EACH, "the drive command that was sent to the motor",
+            rate_hz=200.0, recorded_s=EVERY_ONE_S, number="drive.speed",
+        ),
+        DECISION: Topic(
+            "", NewBy.OUTPUT,
+            "the mux's decision: source, reason, speed asked for and allowed; each change at once",
+            rate_hz=10.0, recorded_s=0.1, number="allowed_mps",
+        ),
+        STATUS: Topic(
+            "", NewBy.OUTPUT, "the state of the whole car; what `wallride status` shows",
+            rate_hz=10.0, recorded_s=0.5, number="scan_to_motor_ms.p99",
+        ),
+        SAFETY: Topic(
+            _DRIVE, NewBy.OUTPUT, "the driver's command with the speed that safety allows",
+            rate_hz=20.0, recorded_s=0.05, number="drive.speed",
+        ),
+        NAVIGATION: Topic(
+            _DRIVE, NewBy.OUTPUT, "the follower's drive command",
+            rate_hz=20.0, recorded_s=0.05, number="drive.speed",
+        ),
+        TELEOP: Topic(
+            _DRIVE, NewBy.OUTPUT, "the operator's drive command, while an operator drives",
+            rate_hz=20.0, recorded_s=0.05, number="drive.speed",
+        ),
+        JOY: Topic(
+            "sensor_msgs/msg/Joy", NewBy.OUTPUT,
+            "what the operator holds, as the pad of an Xbox (`runtime/telemetry/pad.py`), while one is there",
+            rate_hz=20.0, recorded_s=0.05,
+        ),
+        FOOTPRINT: Topic(
+            _MARKERS, NewBy.OUTPUT, "markers: the outline, the swept path, and what stops the car",
+            rate_hz=10.0, recorded_s=0.1,
+        ),
+        DIAGNOSTICS: Topic(
+            "diagnostic_msgs/msg/DiagnosticArray", NewBy.OUTPUT, "health of lidar, motor, window and mux for ROS tools",
+            rate_hz=1.0, recorded_s=1.0,
+        ),
+    }
+)  # fmt: skip
+"""Every topic, in the order of its event's messages; types, rates, recording periods and documents follow."""
+
 BULK = frozenset({SCAN, WALL, FOOTPRINT})
 """Topics that a slow link loses first."""
-LASTING = frozenset({MAP, LINE})
+LASTING = frozenset(name for name, topic in TELEMETRY.items() if topic.recorded_s == ONCE_S)
 """Topics whose one message holds until the car's end. It leaves behind all others, is recorded once in each file, and
 is kept for late subscribers of ROS 2."""
-JSON_TOPICS = (STATUS, DECISION)
+JSON_TOPICS = tuple(name for name, topic in TELEMETRY.items() if not topic.schema)
 """Topics of telemetry in JSON; the others are ROS 2 messages (wallride.runtime.ros.definitions.TYPES)."""
 
 COMMAND = "operator/command"
@@ -67,6 +203,11 @@ PLANNER = "planner"
 """Commands of the planner NAME come on `planner/NAME/command`."""
 SIMULATOR = "simulator"
 """Query that changes the surroundings of a simulated car: answered only by a simulator, never by a car."""
+
+
+def new_by(event: NewBy) -> tuple[str, ...]:
+    """Return the topics that an event makes new."""
+    return tuple(name for name, topic in TELEMETRY.items() if topic.new_by is event)
 
 
 def key(car: str, topic: str) -> str:

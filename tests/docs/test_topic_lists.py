@@ -1,53 +1,46 @@
 """Each list of topics that is kept by hand holds every topic; the failure names the list and the topic."""
 
+import re
+from pathlib import Path
+from unittest.mock import Mock
+
 import pytest
 
 from tests.runtime.ros.samples import SAMPLES
-from wallride import reference
-from wallride.clients.plot import FIELDS
-from wallride.runtime.recording.recorder import PERIODS_S
-from wallride.runtime.ros.definitions import TYPES
+from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.ros.definitions import TYPES, definition
 from wallride.runtime.ros.graph import PUBLISHED as ROS2_PUBLISHED
 from wallride.runtime.ros.graph import SCAN_BY_BEAM, TF_ODOM
-from wallride.runtime.settings.telemetry import RatesHz
-from wallride.runtime.tasks import telemetry
+from wallride.runtime.telemetry.topic_writers import Newest, TopicWriters
 from wallride.runtime.wire import topics
+from wallride.runtime.wire.rmw_zenoh import TYPE_HASHES
+from wallride.runtime.wire.topics import NewBy
 
-PUBLISHED = {*TYPES, *topics.JSON_TOPICS}
-APPENDED = {topics.OUTPUT, topics.DISTANCE_ERROR, topics.IMU, topics.POSE}
-"""Every message of these is sent: `Telemetry` appends them to `_each`."""
-SENT = {
-    *telemetry.BY_SCAN, *telemetry.BY_GUIDANCE, *telemetry.BY_MOTOR, *telemetry.BY_OUTPUT, *telemetry.BY_POSE,
-    *APPENDED,
-} - {TF_ODOM, SCAN_BY_BEAM}  # fmt: skip
-WITHOUT_NUMBER = {
-    topics.SCAN,
-    topics.TF,
-    topics.WALL,
-    topics.FOOTPRINT,
-    topics.DIAGNOSTICS,
-    topics.JOY,
-    *topics.LASTING,
-}
-"""Topics that have no one number to plot."""
+ROOT = Path(__file__).resolve().parents[2]
+PUBLISHED = set(topics.TELEMETRY)
+EACH = set(topics.new_by(NewBy.EACH))
+FOR_ROS_2 = {TF_ODOM, SCAN_BY_BEAM}
+WRITERS = TopicWriters(Mock(), CarSettings(), Newest(), Mock(), wall_clock=Mock(), side=Mock(), ball_m=Mock())
+APPENDED = re.findall(r"_each\.append\(\(topics\.(\w+)", (ROOT / "runtime/tasks/telemetry.py").read_text())
 LISTS = {
-    "RatesHz in runtime/settings/telemetry.py": (set(RatesHz.model_fields), PUBLISHED),
-    "BY_SCAN, BY_GUIDANCE, BY_MOTOR, BY_OUTPUT or BY_POSE in runtime/tasks/telemetry.py (or APPENDED of this test)": (
-        SENT, PUBLISHED,
-    ),
-    "PERIODS_S in runtime/recording/recorder.py": (set(PERIODS_S) | {topics.SCAN}, PUBLISHED),
-    "MEANINGS in wallride/reference": (set(reference.MEANINGS), PUBLISHED | {topics.BEAT}),
-    "FIELDS in clients/plot.py (or WITHOUT_NUMBER of this test)": (
-        set(FIELDS) | WITHOUT_NUMBER, PUBLISHED | {topics.BEAT},
-    ),
-    "PUBLISHED in runtime/ros/graph.py": (
-        set(ROS2_PUBLISHED), {*TYPES, TF_ODOM, SCAN_BY_BEAM} - {topics.TF, topics.SCAN},
-    ),
+    "_writers in runtime/telemetry/topic_writers.py": (set(WRITERS._writers), PUBLISHED - EACH | FOR_ROS_2),
+    "what runtime/tasks/telemetry.py appends to _each": ({getattr(topics, name) for name in APPENDED}, EACH),
+    "PUBLISHED in runtime/ros/graph.py": (set(ROS2_PUBLISHED), {*TYPES} - {topics.TF, topics.SCAN} | FOR_ROS_2),
     "SAMPLES in tests/runtime/ros/samples.py": (set(SAMPLES), set(TYPES)),
-}  # fmt: skip
+    "TYPE_HASHES in runtime/wire/rmw_zenoh.py": (set(TYPE_HASHES), set(TYPES.values())),
+}
 
 
-@pytest.mark.parametrize("name", LISTS)
+@pytest.mark.parametrize("name", LISTS, ids=[name.split()[-1] for name in LISTS])
 def test_every_topic_is_in_every_list(name):
     listed, wanted = LISTS[name]
-    assert listed == wanted, f"{name}: add {sorted(wanted - listed)}, remove {sorted(listed - wanted)}"
+    assert not wanted - listed, f"add {sorted(wanted - listed)} to {name}"
+    assert not listed - wanted, f"take {sorted(listed - wanted)} out of {name}, or add it to TELEMETRY (wire/topics.py)"
+
+
+@pytest.mark.parametrize("schema", sorted(set(TYPES.values())))
+def test_every_type_has_its_fields(schema):
+    try:
+        definition(schema)
+    except KeyError as error:
+        pytest.fail(f"add {error} to runtime/ros/types.msg")

@@ -17,6 +17,7 @@ from wallride.runtime.arbitration.command import (
 from wallride.runtime.arbitration.command_queue import CommandQueue
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.telemetry.status import ObservedState
+from wallride.runtime.wire import topics
 from wallride.sim.virtual.devices import STEP_RAD, MemoryLidar, MemoryMotor, ranges_between_walls
 
 RANGES_M = ranges_between_walls(1.0, 1.0)
@@ -62,3 +63,18 @@ def output_of(observed, *, speed_mps=1.0, winner=Source.NAVIGATION, reason="wall
 
 def lose(device, message="cable"):
     device.health.link, device.health.message = LinkState.ABSENT, message
+
+
+SILENT = {topics.TELEOP, topics.JOY, topics.IMU, topics.POSE, *topics.LASTING}
+"""Topics of which the car of these tests has no value: no operator, no inertial sensor, no map."""
+
+
+def check_told(told):
+    """Fail where the topics that a car told are not all but the silent ones; say what to do."""
+    lacking = sorted(topics.TELEMETRY.keys() - SILENT - told)
+    assert not lacking, (
+        f"nothing was told on {lacking}: enter it in _writers of runtime/telemetry/topic_writers.py, let its event in"
+        " runtime/tasks/telemetry.py note a value, or name it in SILENT of tests/runtime/observed.py"
+    )
+    assert not told & SILENT, f"take {sorted(told & SILENT)} out of SILENT in tests/runtime/observed.py"
+    assert told <= topics.TELEMETRY.keys()

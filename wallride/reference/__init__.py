@@ -39,26 +39,7 @@ EVERY_HZ: Final = 200.0
 """The rate setting that means "every one"."""
 
 MEANINGS: Final[Mapping[str, str]] = {
-    topics.SCAN: "the lidar's ranges, frame `laser`; a beam without a return is NaN (+Inf or -Inf on ROS 2's /scan)",
-    topics.ODOM: "pose in `odom` and speed of the rear axle, by the wheels and a gyro, or without one the steering",
-    topics.TF: "the transforms `odom` to `base_link`, `base_link` to `laser`, and while it is known `map` to `odom`",
-    topics.POSE: "pose of the rear axle in `map`, while the car is located on the map of `map.file`",
-    topics.MAP: "the map of `map.file`, frame `map`, of coarser cells where it is large; repeated, for new readers",
-    topics.LINE: "its race line, frame `map`: a pose's stamp is the line's own time there; repeated likewise",
-    topics.MOTOR: "joint `drive`: way, speed, motor current; joint `steering`: the commanded angle",
-    topics.IMU: "the motor controller's angular rates and accelerations, in `base_link`",
-    topics.BATTERY: "voltage and input current of the motor controller",
-    topics.DISTANCE_ERROR: "the follower's distance to its wall minus the wanted one [m]; NaN without a wall",
-    topics.WALL: "markers: the fitted wall line and the path of the follower's ball",
-    topics.FOOTPRINT: "markers: the outline, the swept path, and what stops the car",
-    topics.NAVIGATION: "the follower's drive command",
-    topics.TELEOP: "the operator's drive command, while an operator drives",
-    topics.JOY: "what the operator holds, as the pad of an Xbox (`runtime/telemetry/pad.py`), while one is there",
-    topics.SAFETY: "the driver's command with the speed that safety allows",
-    topics.OUTPUT: "the drive command that was sent to the motor",
-    topics.DECISION: "the mux's decision: source, reason, speed asked for and allowed; each change at once",
-    topics.STATUS: "the state of the whole car; what `wallride status` shows",
-    topics.DIAGNOSTICS: "health of lidar, motor, window and mux for ROS tools",
+    **{name: topic.meaning for name, topic in topics.TELEMETRY.items()},
     topics.BEAT: "the car's heartbeat, which every operator command echoes",
 }
 OWN_TYPES: Final[Mapping[str, str]] = {

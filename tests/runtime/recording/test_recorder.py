@@ -8,6 +8,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from tests.runtime.observed import check_told
 from tests.runtime.recording.drives import EPOCH_NS, Drive
 from tests.runtime.recording.reading import decoded_by_ros2_support, events, metadata, streamed
 from tests.runtime.recording.recorded import files, recordings
@@ -17,7 +18,6 @@ from wallride.runtime.control.localization.localizer import PoseEstimate, Wherea
 from wallride.runtime.control.localization.wall_points import MapGrid
 from wallride.runtime.recording.channels import text_of
 from wallride.runtime.recording.recover import is_whole
-from wallride.runtime.ros.definitions import TYPES
 from wallride.runtime.settings.tree import Settings, load_settings
 from wallride.runtime.wire import topics
 from wallride.sim.virtual.devices import ranges_between_walls
@@ -89,9 +89,7 @@ async def test_everything_that_telemetry_says_is_in_it_for_every_reader(tmp_path
     drive.recorder.finish()
     (path,) = recordings(tmp_path)
     decoded = decoded_by_ros2_support(path)
-    silent = {topics.TELEOP, topics.JOY, topics.IMU, topics.POSE, *topics.LASTING}
-    told = {*TYPES, *topics.JSON_TOPICS} - silent
-    assert set(decoded) == {f"/{topic}" for topic in told} | {"/tape", "/settings"}
+    check_told({name[1:] for name in decoded} - {"tape", "settings"})
     assert decoded["/scan"] == len(drive.scans)
     assert decoded["/output"] == decoded["/distance_error"] >= len(drive.scans) - 1, "the last waits for its burst"
     assert 3 <= decoded["/status"] <= 5
