@@ -35,7 +35,7 @@ from wallride.clients.monitor.messages import (
     StopMessage,
     Watch,
 )
-from wallride.clients.monitor.outbox import CALIBRATION, FLEET, LAP_MAP, MONITOR, PILOT, TOPICS, Outbox, pack
+from wallride.clients.monitor.outbox import CALIBRATION, FLEET, FROM_CAR, LAP_MAP, MONITOR, PILOT, TOPICS, Outbox, pack
 from wallride.clients.monitor.overview import CarsOverview
 from wallride.clients.monitor.relay import Relay
 from wallride.clients.remote.car import connect
@@ -145,6 +145,7 @@ class PageSession:
         return {
             "t": "hello",
             "topics": TOPICS,
+            "from_car": FROM_CAR,
             "version": self._host.version,
             "name": self._host.name,
             "car": self._host.car,

@@ -9,7 +9,10 @@ const PING_MS = 1000;
 const MOST_QUEUED_BYTES = 4096;
 const ANSWER_WITHIN_MS = 12000;
 
-/** Events: hello, gone, news (topic), trouble (reason), history (lines). `newest[topic]` holds the decoded message. */
+/**
+ * Events: hello, gone, news (topic), trouble (reason), history (lines). `newest[topic]` holds the decoded message; topics
+ * that the server has beside these are JSON.
+ */
 export class Link {
   newest = {
     scan: new Scan(), wall: new Markers(), footprint: new Markers(), odom: new Odometry(), output: new Drive(),
@@ -27,6 +30,7 @@ export class Link {
   bundles = 0;
   broken = 0;
   #topics = [];
+  #fromCar = [];
   #socket = null;
   #waitMs = SOONEST_MS;
   #unacknowledged = 0;
@@ -35,7 +39,7 @@ export class Link {
   #handlers = { hello: [], gone: [], news: [], trouble: [], history: [] };
 
   constructor() {
-    for (const topic of Object.keys(this.newest)) this.seenMs[topic] = -Infinity;
+    for (const topic of Object.keys(this.newest)) this.forget(topic);
     document.addEventListener("visibilitychange", () => { if (!document.hidden) this.#acknowledge(); });
     setInterval(() => this.say({ t: "ping", at: performance.now() }), PING_MS);
   }
@@ -79,7 +83,9 @@ export class Link {
 
   ageMs(topic, nowMs = performance.now()) { return nowMs - this.seenMs[topic]; }
 
-  forget(topics) { for (const topic of topics) this.seenMs[topic] = -Infinity; }
+  forget(topic) { this.seenMs[topic] = -Infinity; }
+
+  forgetCar() { for (const topic of this.#fromCar) this.forget(topic); }
 
   #emit(event, detail) { for (const handler of this.#handlers[event]) handler(detail); }
 
@@ -90,6 +96,8 @@ export class Link {
     else if (message.t === "trouble") this.#emit("trouble", message.reason);
     else if (message.t === "hello") {
       this.#topics = message.topics;
+      this.#fromCar = message.from_car;
+      for (const topic of this.#topics) this.newest[topic] ??= new Json();
       this.open = this.everOpen = true;
       this.goodbye = "";
       this.#waitMs = SOONEST_MS;

@@ -23,7 +23,6 @@ import { Timings } from "./timings.js";
 
 const OLD_MS = 500;
 const AGES_MS = 100;
-const CAR_TOPICS = ["scan", "wall", "footprint", "odom", "output", "distance_error", "status", "decision", "beat", "pose", "map", "line"];
 
 const link = new Link();
 const scene = new Scene($("scene"), link);
@@ -222,7 +221,8 @@ function showView() {
 function lookAtAll() {
   hands.engage(false);
   car = "";
-  link.forget([...CAR_TOPICS, "fleet"]);
+  link.forgetCar();
+  link.forget("fleet");
   link.say({ t: "all" });
   document.title = "all cars · wallride";
 }
@@ -240,7 +240,7 @@ function watch(name) {
   carSession = 0;
   remember({ car });
   remembered.car = car;
-  link.forget(CAR_TOPICS);
+  link.forgetCar();
   if (!first) plots.clear();
   scene.forgetWay();
   laps.forget();
