@@ -18,10 +18,10 @@ def add(commands: Commands) -> None:
     rate = actions.add_parser("hz", help="rate and jitter of a topic")
     volume = actions.add_parser("bw", help="bandwidth of a topic")
     echo = actions.add_parser("echo", help="print the messages of a topic")
-    for action in (rate, volume, echo):
+    for action, what in ((rate, "lines, one a second"), (volume, "lines, one a second"), (echo, "messages")):
         action.add_argument("topic", metavar="TOPIC", help="scan, /scan or wallride/car1/scan")
         action.add_argument(
-            "-n", "--count", type=at_least(0), default=0, metavar="N", help="stop after N messages (default: never)"
+            "-n", "--count", type=at_least(0), default=0, metavar="N", help=f"stop after N {what} (default: never)"
         )
     for action in (rate, volume):
         action.add_argument("--json", action="store_true", help="print JSON, a line per second")
