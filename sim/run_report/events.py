@@ -13,6 +13,8 @@ from wallride.sim.run_report.above import Above, from_above
 from wallride.sim.world.pose import Floats
 
 MAX_CARDS, MAX_FAULTS = 40, 200
+MAX_SCANS = 4
+"""Maximum number of scans named of each reason to be slower."""
 CARD_PX, CARD_M = 250, 4.0
 SAME_EVENT_S = 0.5
 NOT_KNOWN = "–"
@@ -32,10 +34,37 @@ def stops_table(found: Sequence[RecordedStop], run: RecordedRun, tag: str = "") 
             f"<td>{escape(because(stop.reason, stop.measure))}{also}</td>"
             f"<td>{text(stop.speed_mps, 'm/s', 2)}</td></tr>"
         )
-    slower = len(slowed(run))
     heads = "".join(f"<th>{name}</th>" for name in ("", "at", "for", "by", "why", "from"))
-    more = f"<p>Besides, the car was made slower {times(slower)} without a stop.</p>" if slower else ""
-    return f"<table><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>{more}"
+    return f"<table><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+
+
+def slower_table(run: RecordedRun) -> str:
+    """Return how often the car was made slower without a stop, the first scans of each reason, what explains one."""
+    kinds: dict[tuple[str, str], list[MuxChange]] = {}
+    for change in slowed(run):
+        kinds.setdefault((change.winner, change.reason), []).append(change)
+    if not kinds:
+        return ""
+    rows = "".join(
+        f"<tr><td>{escape(winner)}</td><td>{escape(reason)}</td><td>{times(len(found))}</td>"
+        f"<td>{', '.join(_scan(run, change.time_s) for change in found[:MAX_SCANS])}</td></tr>"
+        for (winner, reason), found in sorted(kinds.items(), key=lambda kind: -len(kind[1]))
+    )
+    first = run.scan_at(next(iter(kinds.values()))[0].time_s)
+    number = first.sequence if first is not None else 0
+    ask = f" <code>wallride replay {escape(run.name)}.mcap --scan {number}</code> tells why at a scan."
+    heads = "".join(f"<th>{name}</th>" for name in ("by", "why", "", "first at"))
+    return (
+        f"<p>Besides, the car was made slower {times(len(slowed(run)))} without a stop.{ask if number else ''}</p>"
+        f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
+    )
+
+
+def _scan(run: RecordedRun, time_s: float) -> str:
+    """Return the scan at a time, by its number where it has one."""
+    message = run.scan_at(time_s)
+    name = f"scan {message.sequence}, " if message is not None and message.sequence else ""
+    return f'<span data-at="{time_s:.3f}">{name}{time_s:.2f} s</span>'
 
 
 def faults_table(run: RecordedRun, tag: str = "") -> str:

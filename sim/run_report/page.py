@@ -17,7 +17,7 @@ import numpy as np
 from wallride.sim.figures.summary import SETTLE_BAND_M
 from wallride.sim.run_report import moments, tables
 from wallride.sim.run_report.charts import WIDTH, ChartLine, Mark, histogram, over_time
-from wallride.sim.run_report.events import cards, faults_table, reasons_table, stops_table
+from wallride.sim.run_report.events import cards, faults_table, reasons_table, slower_table, stops_table
 from wallride.sim.run_report.shown import Shown
 from wallride.sim.run_report.track import track
 from wallride.sim.run_report.turn import ABOUT_TURN, sharpest_turn
@@ -46,7 +46,8 @@ def page(*runs: Shown) -> str:
               "The bars are the car's own account, up to its last status; the table counts the recorded decisions."),
         *(section(one.tagged(f"Faults ({len(one.run.faults)})"), faults_table(one.run, one.tag), ABOUT_FAULTS)
           for one in runs),
-        *(section(one.tagged(f"Stops ({len(one.found)})"), stops_table(one.found, one.run, one.tag)) for one in runs),
+        *(section(one.tagged(f"Stops ({len(one.found)})"),
+                  stops_table(one.found, one.run, one.tag) + slower_table(one.run)) for one in runs),
         *(section(one.tagged("The scan at each event"), cards(one.run, one.found, one.tag)) for one in runs),
         section("Settings", tables.settings(runs), "What is not the default. The folded lists have every setting."),
     ]  # fmt: skip

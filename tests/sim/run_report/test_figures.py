@@ -1,6 +1,7 @@
 """A report's numbers are those of the car and of the simulator's summary, from the same code."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -9,9 +10,11 @@ from rich.console import Console
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.figures import summary
 from wallride.sim.replay.command import _tell
+from wallride.sim.replay.drive_log import read_log
 from wallride.sim.replay.figures import numbers, samples, slowed, stops, truth_of
+from wallride.sim.replay.moment import moment_at_scan
 from wallride.sim.replay.run import DrivenPath, MuxChange, RecordedRun, Series
-from wallride.sim.run_report.events import stops_table
+from wallride.sim.run_report.events import slower_table, stops_table
 
 NOTHING = np.empty(0)
 
@@ -80,6 +83,17 @@ def test_the_dead_end_is_a_stop_by_safety(run):
     assert found[0].reason in {"boxed in", "wall ahead", "braking: wall ahead"}
     assert 4 < found[0].from_s < 7
     assert slowed(run)
+
+
+def test_a_scan_named_for_being_slower_is_the_one_of_that_decision(run, path):
+    page = slower_table(run)
+    reasons = re.findall(r"<td>safety</td><td>([^<]+)</td><td>[^<]+</td><td><span [^>]+>scan (\d+),", page)
+    assert {change.reason for change in slowed(run)} == {reason for reason, _ in reasons}
+    log = read_log(path)
+    for reason, scan in reasons:
+        assert moment_at_scan(log, int(scan)).output.decision.reason == reason
+    assert f"wallride replay {path.name} --scan " in page
+    assert slower_table(made([0.0], [0])) == ""
 
 
 def test_stops_begin_and_end_with_what_was_sent():
