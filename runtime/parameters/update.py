@@ -9,12 +9,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from wallride.runtime.control.method_settings import METHODS, OWN_METHODS, TAGS, kept_by_new_method, name_of
+from wallride.runtime.control.method_settings import METHODS, OWN_METHODS, kept_by_new_method, name_of
 from wallride.runtime.control.own_laws.law_class import is_own, loaded
 from wallride.runtime.parameters.catalogue import Parameter, Value, catalogue, shown, values
 from wallride.runtime.parameters.policy import is_looser
-from wallride.runtime.settings.devices import DRIVER_TAGS
-from wallride.runtime.settings.tree import Settings
+from wallride.runtime.settings.tree import Settings, in_file
 
 _BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 
@@ -103,7 +102,7 @@ def _differences(
 
 def _sentence(error: Mapping[str, Any], known: Mapping[str, Parameter], wishes: Mapping[str, object]) -> str:
     """Format one of pydantic's errors: key, value, allowed values."""
-    name = ".".join(str(part) for part in error["loc"] if part not in TAGS | DRIVER_TAGS)
+    name = ".".join(str(part) for part in in_file(error["loc"]))
     # A rule of a whole section, or of one item of a list, is violated by the request for a key.
     name = name if name in wishes else next((wish for wish in wishes if f"{wish}.".startswith(f"{name}.")), name)
     name = next((wish for wish in wishes if name.startswith(f"{wish}.")), name)

@@ -52,8 +52,6 @@ from wallride.runtime.settings_base import Section
 from wallride.runtime.wire.rmw_zenoh import ROS2_PLANNER, RosGraph, node_name
 
 _TAGS = TAGS | DRIVER_TAGS
-"""Parts of the place of an error that stand in no file: which member of a union was read."""
-
 
 GONE = frozenset({"process.prefetch"})
 """Settings that older files may hold, and that have no effect any more."""
@@ -237,10 +235,16 @@ def settings_from(
     raise SettingsError(text, (str(item["loc"][0]) for item in mistakes if item["loc"]), tree)
 
 
+def in_file(place: Sequence[str | int]) -> list[str | int]:
+    """Return the place of an error as a file has it: without the tag that says which law or driver was read."""
+    chosen = place[:1] and place[0] in {*METHODS, *DRIVERS}
+    return [part for at, part in enumerate(place) if not (chosen and at == 1 and part in _TAGS)]
+
+
 def _holds(layer: Mapping[str, Any], place: Sequence[str | int]) -> bool:
     """Whether a layer says the value at a place of the tree, which may hold the tag of a method."""
     value: Any = layer
-    for part in (part for part in place if part not in _TAGS):
+    for part in in_file(place):
         if not isinstance(value, dict):
             return True  # the layer gives the whole of what the place is in: a list, or a wrong value
         if part not in value:
@@ -316,7 +320,7 @@ def _value(text: str) -> object:
 
 def _sentence(error: Mapping[str, Any], tree: Mapping[str, Any]) -> str:
     """Format one pydantic error: key, problem, remedy."""
-    path = [part for part in error["loc"] if part not in _TAGS]
+    path = in_file(error["loc"])
     key = ".".join(str(part) for part in path)
     if key in GONE:
         return f"{key} is not a setting any more; delete it"

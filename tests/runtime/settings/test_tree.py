@@ -127,6 +127,12 @@ def test_a_wrong_name_of_a_car_is_answered_with_the_rule_in_words(tmp_path, name
     assert str(caught.value).endswith(f"car.name = {name!r}: must be {NAME_RULE}, for example car1")
 
 
+@pytest.mark.parametrize("key", ["telemetry.rates_hz.line", "map.line"])
+def test_a_key_with_the_name_of_a_law_is_named_whole(key):
+    with pytest.raises(SettingsError, match=rf"{re.escape(key)} = 500: "):
+        load_settings(None, [f"{key}=500"])
+
+
 GAINS = '[wall_follow]\nmethod = "ball"\nside = "right"\nkp = 13.5\nkd = 4.5\n'
 
 
