@@ -5,9 +5,6 @@ reading of the clock. The outputs of the laws, the mux and the limiter are compu
 follow the replay: after a first difference the two remain decisions on the same input.
 """
 
-import copy
-import functools
-import operator
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -22,7 +19,6 @@ from wallride.runtime.arbitration.command import Output, Source
 from wallride.runtime.arbitration.queues import NEVER_S
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.line_following.course import RaceCourse
-from wallride.runtime.control.method_settings import TAGS
 from wallride.runtime.control.own_laws.law_class import loaded_files
 from wallride.runtime.line_files import read_course
 from wallride.runtime.map_files import MapError
@@ -47,7 +43,7 @@ from wallride.sim.replay import difference
 from wallride.sim.replay.difference import CLOSE, Difference
 from wallride.sim.replay.drive_log import DriveLog
 from wallride.sim.replay.drive_log import decode as decode_message
-from wallride.sim.replay.settings_text import settings_of, with_assignments
+from wallride.sim.replay.settings_text import known_part, settings_of, with_assignments
 from wallride.sim.replay.stack import ReplayStack
 
 SETTLES_S = 5.0
@@ -272,10 +268,7 @@ class _Reenactment:
     def _settings(self, tree: Any) -> Settings:  # noqa: ANN401 - plain values as recorded
         if missing := import_named(tree, laws=True, drivers=False):
             raise RecordingError(f"its own law cannot be used: {missing[0]['msg']}")
-        tree, gone = _without_unknown(tree)
-        note = f"its settings {', '.join(gone)} do not exist any more: they are left out."
-        if gone and note not in self._verdict.notes:
-            self._verdict.notes.append(note)
+        tree = known_part(tree, self._verdict.notes)
         try:
             settings = Settings.model_validate(tree)
         except ValidationError as error:
@@ -289,24 +282,6 @@ class _Reenactment:
 def _method(tree: Any) -> object:  # noqa: ANN401 - plain values as recorded
     """Return the follower that recorded settings name."""
     return tree.get("wall_follow", {}).get("method") if isinstance(tree, dict) else None
-
-
-def _without_unknown(tree: Any) -> tuple[Any, list[str]]:  # noqa: ANN401 - plain values as recorded
-    """Return recorded settings without the keys that this version does not know, and the names of those."""
-    try:
-        Settings.model_validate(tree)
-    except ValidationError as error:
-        places = [item["loc"] for item in error.errors() if item["type"] == "extra_forbidden"]
-    else:
-        return tree, []
-    tree = copy.deepcopy(tree)
-    gone = []
-    for place in places:
-        keys = [key for key in place if key not in TAGS]
-        section = functools.reduce(operator.getitem, keys[:-1], tree)
-        del section[keys[-1]]
-        gone.append(".".join(map(str, keys)))
-    return tree, gone
 
 
 class _Ranges:

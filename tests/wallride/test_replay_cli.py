@@ -114,7 +114,7 @@ def test_settings_that_do_not_exist_any_more_are_left_out_and_named(drive, capsy
 
     monkeypatch.setattr(reenact, "decode", decoded)
     assert wallride("replay", drive) == 0
-    assert "its settings safety.wings do not exist any more: they are left out." in capsys.readouterr().out
+    assert "its settings safety.wings are not known to this version: they are left out." in capsys.readouterr().out
 
 
 def test_a_difference_in_json(drive, capsys):

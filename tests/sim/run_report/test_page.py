@@ -15,7 +15,7 @@ from tests.sim.replay.recorded import options as offline
 from tests.sim.replay.recorded import record
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.recordings import RecordingError
-from wallride.sim.replay.drive_log import decode, read_log
+from wallride.sim.replay.drive_log import DriveLog, decode, read_log
 from wallride.sim.replay.figures import numbers, stops
 from wallride.sim.replay.foreign import open_any
 from wallride.sim.replay.run import run_of
@@ -258,6 +258,15 @@ def test_a_setting_that_was_changed_while_it_drove_is_told(tmp_path):
     assert f"left wall at 1 m, from {time_s:.1f} s 0.8 m" in written
     assert f"less the wanted 1 m, from {time_s:.1f} s 0.8 m" in written
     assert "<td>wall_follow.desired_distance_m</td><td>1</td><td>0.8</td>" in written
+
+
+def test_settings_of_a_newer_version_are_left_out_and_named(path, monkeypatch):
+    written = read_log(path).settings_text
+    for section, key in (("telemetry.rates_hz", "smell"), ("lidar", "nose"), ("wall_follow", "whiskers")):
+        written = written.replace(f"[{section}]\n", f"[{section}]\n{key} = 5.0\n")
+    monkeypatch.setattr(DriveLog, "settings_text", written)
+    said = "lidar.nose, wall_follow.whiskers, telemetry.rates_hz.smell are not known to this version"
+    assert f"its settings {said}: they are left out." in page(shown(run_of(read_log(path))))
 
 
 def test_a_run_without_such_a_change_has_no_such_table(run):
