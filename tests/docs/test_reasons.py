@@ -111,12 +111,28 @@ def undocumented(source, reasons):
     return {re.sub(r"\\(.)", r"\1", words) for words in missing} - NO_REASONS
 
 
-def documented():
-    """Return the reasons of the table."""
+def rows():
+    """Return the reasons of each row of the tables, and its last cell."""
     page = (ROOT / "docs" / "laws.md").read_text(encoding="utf-8")
     table = page[page.index("## Reasons") :].split("\n### ")[0]
-    rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
-    return [reason for row in rows for reason in re.findall(r"`([^`]+)`", row)]
+    cells = [line.strip("|").split("|") for line in table.splitlines() if line.startswith("| `")]
+    return [(re.findall(r"`([^`]+)`", row[0]), row[-1].strip()) for row in cells]
+
+
+def documented():
+    """Return the reasons of the tables."""
+    return [reason for reasons, _ in rows() for reason in reasons]
+
+
+def said_in(where):
+    """Return the patterns of the strings of a place: a function of a file, a file or a folder."""
+    function, name = re.fullmatch(r"(?:`(_\w+)` in )?`([\w/]+(?:/|\.py))`", where).groups()
+    path = ROOT / name if name.startswith("runtime/") else RUNTIME / "control" / name
+    trees = [ast.parse(file.read_text(encoding="utf-8")) for file in (path.rglob("*.py") if path.is_dir() else [path])]
+    if function:
+        defined = [node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+        trees = [node for node in defined if node.name == function]
+    return {pattern(text) for tree in trees for text in strings(tree)}
 
 
 def test_every_reason_of_the_tables_is_in_the_code():
@@ -126,6 +142,13 @@ def test_every_reason_of_the_tables_is_in_the_code():
     assert [one for one in reasons if not any(words.fullmatch(without_kind(one)) for words in said)] == [
         "made up: wall ahead"
     ]
+
+
+@pytest.mark.parametrize(("reasons", "where"), rows(), ids=lambda value: value[0] if isinstance(value, list) else "")
+def test_the_place_that_a_row_names_says_its_reasons(reasons, where):
+    said = {words for words in said_in(where) if words != ".+"}
+    absent = [one for one in reasons if not any(re.fullmatch(words, without_kind(one)) for words in said)]
+    assert not absent, f"{where} does not say {absent}: name the file that does in docs/laws.md"
 
 
 @pytest.mark.parametrize("file", PLACES, ids=lambda file: str(file.relative_to(ROOT)))
