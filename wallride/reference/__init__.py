@@ -47,7 +47,8 @@ OWN_TYPES: Final[Mapping[str, str]] = {
     topics.BEAT: "binary, 55 bytes, below",
 }
 OWN_RATES: Final[Mapping[str, str]] = {
-    topics.BEAT: "`operator.beat_hz`; a third of it while no operator is heard",
+    topics.BEAT: "`operator.beat_hz`; of 50 Hz with a lidar of 40 Hz one before each scan; a third of it while no"
+    " operator is heard",
 }
 TO_THE_CAR: Final[Sequence[tuple[str, str, str, str]]] = (
     (topics.COMMAND, "put, binary, 60 bytes", "operator", "the operator's inputs, 20 to 100 times a second"),
