@@ -7,14 +7,14 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from tests.system.faults.matrix import BY_PERSON, INJECTED, MATRIX, OTHER_LIDARS, Fault
+from tests.system.faults.matrix import BY_PERSON, INJECTED, MATRIX, Fault
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = ROOT / "docs" / "faults.md"
 FIGURES = Path(__file__).with_name("measured.json")
 COMMAND = "python -m tests.system.faults.document"
 UNMEASURED = "-"
-HEADER = "| fault | promise | after | bound | measured | busy | seen | test |"
+HEADER = "| fault | promise | after | bound | measured | busy | test |"
 BUSY = "busy: "
 """Prefix of the figures that were measured beside a busy loop on each core."""
 
@@ -29,25 +29,23 @@ def page(figures: Mapping[str, float]) -> str:
         "the process cannot reach it); where the car never stops, the longest time between two motor commands.",
         "*Measured*: the longest of the last measurement, on two cores shared with other work. *Busy*: the longest",
         'beside busy programs on each core, scheduled as by its unit; "-" where there is none yet. *After*: when',
-        "the car moves again. *Seen*: numbers of reports by users of such cars.\n",
+        "the car moves again.\n",
         "The injected faults meet the unmodified process between emulated devices (`pytest tests/system/faults`);",
         "the clock that jumps is the one that the process reads in Python, not the computer's.",
         "`python -m tests.system.faults.measure [--busy]` runs them three times and notes the figures.\n",
     ]
     for group in dict.fromkeys(fault.group for fault in MATRIX):
-        lines += [f"## {group}\n", HEADER, "| --- " * 8 + "|"]
+        lines += [f"## {group}\n", HEADER, "| --- " * 7 + "|"]
         lines += [_row(fault, figures) for fault in MATRIX if fault.group == group]
         lines.append("")
     lines += [
         "## For a person\n",
         "What no program on the car can tell.\n",
-        "| fault | what to do | seen |",
-        "| --- " * 3 + "|",
+        "| fault | what to do |",
+        "| --- " * 2 + "|",
     ]
-    lines += [f"| {fault} | {remedy} | {number} |" for number, fault, remedy in BY_PERSON]
-    first, *_, last = OTHER_LIDARS
-    lines += ["", f"Reports {first} to {last} are about lidars for which wallride has no driver.", ""]
-    return "\n".join(lines)
+    lines += [f"| {fault} | {remedy} |" for fault, remedy in BY_PERSON]
+    return "\n".join([*lines, ""])
 
 
 def without_figures(text: str) -> str:
@@ -59,7 +57,7 @@ def _row(fault: Fault, figures: Mapping[str, float]) -> str:
     bound = f"{fault.bound_s:g} s" if fault.bound_s is not None else ""
     measured, busy = (_words(fault, figures.get(prefix + fault.key)) for prefix in ("", BUSY))
     test = "injected" if fault.test == INJECTED else f"`{fault.test.rpartition('/')[2]}`"
-    cells = (fault.name, fault.promise, fault.afterwards, bound, measured, busy, ", ".join(fault.seen), test)
+    cells = (fault.name, fault.promise, fault.afterwards, bound, measured, busy, test)
     return f"| {' | '.join(cells)} |"
 
 
