@@ -11,7 +11,6 @@ class CorridorFollowSettings(BallSettings):
     """A fast way between both borders of the course, without a map. Those of `ball` hold where there is none."""
 
     method: Literal["corridor"] = "corridor"
-    """Wall-following law: the rolling ball, the lab report's, the race line of a map, or a way between both borders."""
     cornering_front_per_rad: Annotated[float, Field(gt=0.5, le=50)] = 4.7
     """Lateral force of the front axle by its slip angle, as a multiple of friction and load (f1tenth_gym)."""
     cornering_rear_per_rad: Annotated[float, Field(gt=0.5, le=50)] = 5.5
