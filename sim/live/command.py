@@ -19,6 +19,7 @@ from wallride.runtime.settings.tree import Settings, SettingsError, load_setting
 from wallride.sim.car.vehicle import Vehicle, VehicleSettings
 from wallride.sim.devices import lidar_kinds
 from wallride.sim.figures.comparison import compare
+from wallride.sim.live.asked_scene import SimUsageError, build_scene, wishes
 from wallride.sim.live.drive_summary import (
     HEARD,
     failed_to_record,
@@ -38,12 +39,12 @@ from wallride.sim.live.screen import LiveView, address_in, operate_hint, port_no
 from wallride.sim.live.session import USAGE_ERROR, RuntimeStart, SessionError, SimulatorSession, innermost
 from wallride.sim.live.stop_request import StopRequest
 from wallride.sim.live.user_code import UserCode
-from wallride.sim.racing.race import START, race_figures, take_race, with_lap
+from wallride.sim.racing.race import START, race_figures, take_race
 from wallride.sim.recordings import RecordingError, load_recording
 from wallride.sim.scenario.command import tell
-from wallride.sim.scenario.conditions import Conditions, ConditionsError, RequestedConditions, conditions_of
+from wallride.sim.scenario.conditions import Conditions, ConditionsError, conditions_of
 from wallride.sim.scenario.driven import judge, mistakes_after
-from wallride.sim.scenario.scenario_file import MAX_START_TO_WALL_M, Scenario
+from wallride.sim.scenario.scenario_file import Scenario
 from wallride.sim.scenario.simulated_car import find_config, saved_settings
 from wallride.sim.scenario.toml_lines import FileMistakeError
 from wallride.sim.world.pose import Pose
@@ -55,11 +56,6 @@ MAX_LAP_S = 180.0
 FAILED = 1
 KILLED = 130
 BUSY = "busy"
-POSE_NUMBERS = 3
-
-
-class SimUsageError(Exception):
-    """Invalid command line; the text names the fault and the valid form."""
 
 
 def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
@@ -139,7 +135,7 @@ def _show(summary: dict[str, Any], console: Console, *, put_back: bool) -> None:
 
 def _scenario_scene(options: argparse.Namespace, scenario: Scenario) -> ScenarioScene:
     """Return the scene of a scenario; the options must not say what its file says."""
-    if options.pose or options.recording is not None or conditions_of(_wishes(options)) != Conditions():
+    if options.pose or options.recording is not None or conditions_of(wishes(options)) != Conditions():
         raise SimUsageError(f"{options.world} says where and in what conditions the car drives; change it there")
     return ScenarioScene(scenario, options.laps)
 
@@ -197,33 +193,6 @@ def _drive(
     return summary
 
 
-def build_scene(
-    options: argparse.Namespace, settings: Settings, chosen: ScenarioScene | None = None
-) -> tuple[Conditions, WorldScene, Vehicle]:
-    """Return the world that the options name, or a scenario's, with a car in it."""
-    if chosen is not None:
-        return chosen.conditions, chosen, chosen.vehicle
-    side = settings.wall_follow.side
-    try:
-        world = load_world(options.world, side=side, seed=options.seed)
-    except (ValueError, OSError) as error:
-        raise SimUsageError(str(error)) from None
-    conditions = conditions_of(_wishes(options))
-    vehicle = Vehicle(conditions.vehicle, parse_pose(options.pose) if options.pose else world.start)
-    world = with_lap(world, options.race, vehicle.pose) if options.race is not None else world
-    start = f"--pose {options.pose}" if options.pose else f"the start in {world.name}"
-    if not world.clearance(vehicle.pose) <= MAX_START_TO_WALL_M:  # NaN is nowhere
-        left_m, bottom_m, right_m, top_m = world.bounds_m
-        raise SimUsageError(
-            f"{start}: no wall is within {MAX_START_TO_WALL_M:.0f} m;"
-            f" the walls of {world.name} lie at x {left_m:.1f} to {right_m:.1f} m, y {bottom_m:.1f} to {top_m:.1f} m"
-        )
-    if world.collides(vehicle.pose):
-        raise SimUsageError(f"{start}: the car would stand in a wall of {world.name}; give a --pose where it is free")
-    scene = WorldScene(world, side, conditions.lidar, options.laps, options.seed, conditions.things())
-    return conditions, scene, vehicle
-
-
 def _fleet(
     options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest,
     consoles: tuple[Console, Console], *, is_scenario: bool,
@@ -231,7 +200,7 @@ def _fleet(
     """Drive several cars. consoles: for progress, and for the answer."""
     if options.pose or options.laps or options.plot or options.recording is not None or is_scenario:
         raise SimUsageError("--cars: goes with a world and --duration; not with a scenario, --pose, --laps or --plot")
-    conditions = conditions_of(_wishes(options))
+    conditions = conditions_of(wishes(options))
     try:
         with stop.loading():
             world = load_world(options.world, side=settings.wall_follow.side, seed=options.seed)
@@ -258,7 +227,7 @@ def _replay(
         recording = load_recording(options.recording)
     for note in recording.notes:
         console.print(f"[dim]{note}[/dim]")
-    if conditions_of(_wishes(options)) != Conditions():
+    if conditions_of(wishes(options)) != Conditions():
         raise SimUsageError(
             "--recording: its scans are what they are; friction, dirt, obstacles and the like need a world"
         )
@@ -362,32 +331,6 @@ def _view(
     if options.headless or not console.is_terminal:
         return None
     return LiveView(console, scene.outline_m if scene is not None else None, vehicle, live)
-
-
-def _wishes(options: argparse.Namespace) -> RequestedConditions:
-    return RequestedConditions(
-        file=options.conditions,
-        assignments=options.condition,
-        friction=options.friction,
-        noise_m=options.noise,
-        dropouts=options.dropouts,
-        trim_rad=options.trim,
-        delay_s=options.delay,
-        own_parts=options.own_parts,
-        dirt=options.dirt,
-        obstacles=options.obstacle,
-    )
-
-
-def parse_pose(text: str) -> Pose:
-    """Read X,Y,THETA in metres and radians."""
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != POSE_NUMBERS or not all(map(math.isfinite, numbers)):
-        raise SimUsageError(f"--pose {text}: write three numbers X,Y,THETA [m, m, rad], for example --pose 3,1,0")
-    return Pose(*numbers)
 
 
 def _check_length(options: argparse.Namespace) -> None:

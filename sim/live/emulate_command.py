@@ -19,7 +19,7 @@ from wallride.runtime.own_drivers.settings import OwnMotorSettings
 from wallride.runtime.settings.devices import DEFAULT_DRIVERS
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.devices import lidar_kinds
-from wallride.sim.live.command import SimUsageError, build_scene
+from wallride.sim.live.asked_scene import SimUsageError, build_scene
 from wallride.sim.live.emulated_car import DeviceAddresses, EmulatedCar, EmulatedPorts
 from wallride.sim.live.session import USAGE_ERROR, SessionError
 from wallride.sim.live.stop_request import StopRequest
