@@ -32,6 +32,8 @@ and that of the headings: both of `wallride line` differ by less than 0.01."""
 TURN_M: Final = 1.0
 MOST_SOLID: Final = 0.02
 """Largest share of points that are on no free cell of the map."""
+AGAINST_LAP: Final = ", against the lap"
+"""In the heading of a line that goes round the other way than the lap that its map was made of."""
 AGAIN: Final = "Make it again: wallride line"
 
 
@@ -40,11 +42,12 @@ def read_line(path: Path, map_file: Path | None = None) -> CourseLine:
 
     map_file: the map that it is driven on; a line that names another one is refused.
     """
-    rows = []
+    rows, is_against_lap = [], False
     try:
         with path.open(encoding="utf-8", errors="replace") as file:
             for number, text in enumerate(file, 1):
                 if text.startswith("#"):
+                    is_against_lap |= AGAINST_LAP in text
                     if map_file is not None and (named := re.search(r", map ([0-9a-f]+)$", text.strip())):
                         _check_map(path, named[1], map_file)
                     continue
@@ -65,7 +68,7 @@ def read_line(path: Path, map_file: Path | None = None) -> CourseLine:
             f" {table[place, 0]:g} m it is {steps_m[place]:.3g} m. {AGAIN}"
         )
     along_m = np.concatenate([[0.0], np.cumsum(steps_m)[:-1]])
-    line = CourseLine(places, along_m, table[:, 3], table[:, 4], table[:, 5], float(steps_m.sum()))
+    line = CourseLine(places, along_m, table[:, 3], table[:, 4], table[:, 5], float(steps_m.sum()), is_against_lap)
     if why_not := _contradiction(line, steps_m):
         raise MapError(f"{path}: {why_not}. {AGAIN}")
     return line
@@ -169,4 +172,6 @@ def course_of(
 ) -> RaceCourse:
     """Return the course of a map that was read."""
     localizer = Localizer(known.field, car, known.start if start == "lap" else None, known.scale)
+    if line is not None and line.is_against_lap:
+        localizer.either_way_round()
     return RaceCourse(known.name, known.field, localizer, line, known.grid)

@@ -7,9 +7,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from wallride.runtime.control.line_following.race_line import CourseLine
 from wallride.runtime.control.localization.localizer import PoseEstimate
-from wallride.runtime.line_files import course_of
-from wallride.runtime.map_files import CarMap
+from wallride.runtime.line_files import LINE_SUFFIX, course_of, read_line
+from wallride.runtime.map_files import CarMap, MapError
 from wallride.runtime.recording.decision_log import FollowerEvent, ScanEvent
 from wallride.runtime.ros.messages import NS
 from wallride.runtime.wire import topics
@@ -28,13 +29,13 @@ class OwnPoses:
     same: int
 
 
-def own_poses(log: DriveLog, known: CarMap) -> OwnPoses | None:
-    """Return the comparison; None where the car found no pose, or on another map."""
+def own_poses(log: DriveLog, known: CarMap, line: CourseLine | None = None) -> OwnPoses | None:
+    """Return the comparison; None where the car found no pose, or on another map. line: the one that it had."""
     settings = settings_of(log, laws=False)
     recorded = list(log.of(topics.POSE))
     if not recorded or Path(settings.map.file).stem != known.name:
         return None
-    found, ahead_s = _found_again(log, known)
+    found, ahead_s = _found_again(log, known, line)
     stamps_s = np.array([one.stamp_s for one in found])
     same = 0
     for message in recorded:
@@ -44,10 +45,20 @@ def own_poses(log: DriveLog, known: CarMap) -> OwnPoses | None:
     return OwnPoses(len(recorded), same)
 
 
-def _found_again(log: DriveLog, known: CarMap) -> tuple[list[PoseEstimate], float]:
+def line_of(log: DriveLog, map_file: Path) -> CourseLine | None:
+    """Return the line that a car had with its map, as far as it is still there."""
+    named = settings_of(log, laws=False).map.line
+    path = Path(named).expanduser() if named else map_file.with_name(map_file.stem + LINE_SUFFIX)
+    try:
+        return read_line(path) if path.is_file() else None
+    except MapError:
+        return None
+
+
+def _found_again(log: DriveLog, known: CarMap, line: CourseLine | None) -> tuple[list[PoseEstimate], float]:
     """Return the estimates by the very scans and reports that the car had, and how far its stamps are behind 1970."""
     settings = settings_of(log, laws=False)
-    localizer = course_of(known, settings.map.start, settings.car).localizer
+    localizer = course_of(known, settings.map.start, settings.car, line).localizer
     messages = {message.sequence: message for message in log.of(topics.SCAN)}
     scans: dict[int, ScanEvent] = {}
     found: list[PoseEstimate] = []

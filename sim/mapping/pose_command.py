@@ -14,7 +14,7 @@ from wallride.runtime.host.output_files import write_answer, write_files
 from wallride.runtime.map_files import WALLS_SUFFIX, CarMap, MapError, read_map
 from wallride.sim.mapping.lap_record import LapRecord, own_log, read_record, record_of_log
 from wallride.sim.mapping.map_output import ABOUT, empty_picture
-from wallride.sim.mapping.own_poses import own_poses
+from wallride.sim.mapping.own_poses import line_of, own_poses
 from wallride.sim.mapping.poses import PoseTrack, track
 from wallride.sim.racing.ring import driven_path
 from wallride.sim.recordings import RecordingError
@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     record = record_of_log(log) if log is not None else read_record(options.file, options.topic)
     found = track(record, known, None if options.anywhere else known.start)
     told = figures(found, _of_the_map(record, options.map))
-    if log is not None and (own := own_poses(log, known)) is not None:
+    if log is not None and (own := own_poses(log, known, line_of(log, options.map))) is not None:
         told |= {"own_poses": own.recorded, "own_poses_same": own.same}
     output: Path = options.output or Path(f"{options.file.stem}.pose.csv")
     picture = output.with_suffix(".png")

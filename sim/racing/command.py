@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     map_print = fingerprint(Path(options.map)) if is_map(options.map) else ""
     title = f"{world.name}: {line.length_m:.1f} m, {line.lap_s:.2f} s"
     write_files({
-        target: text_of(line, about, map_print),
+        target: text_of(line, about, map_print, is_against_lap=_is_against_lap(line, options)),
         picture: lambda file: save_picture(file, world.outline_m, line, title),
     })  # fmt: skip
     write_answer(json.dumps(figures(line)) + "\n", options.json)
@@ -81,6 +81,18 @@ def line_of(world: World, options: argparse.Namespace, car: CarSettings) -> Race
             f"there is no room for the car at {place}: {line.away_m[nearest]:.2f} m from its middle to the wall"
         )
     return line
+
+
+def _is_against_lap(line: RaceLine, options: argparse.Namespace) -> bool:
+    """Return whether a line goes round the other way than the lap beside its map, or than it would by itself."""
+    lap = driven_path(Path(options.map)) if is_map(options.map) else None
+    if lap is None:
+        return bool(options.reverse)
+    path_m = read_path(lap)
+    steps_m, points_m = np.diff(path_m, axis=0), np.column_stack([line.x_m, line.y_m])
+    nearest = np.argmin(np.hypot(*(path_m[:-1, None] - points_m).transpose(2, 0, 1)), axis=1)
+    ahead_m = steps_m[:, 0] * np.cos(line.yaw_rad[nearest]) + steps_m[:, 1] * np.sin(line.yaw_rad[nearest])
+    return float(ahead_m.sum()) < 0.0
 
 
 def figures(line: RaceLine) -> dict[str, float]:

@@ -9,18 +9,22 @@ from typing import IO, Final
 
 import numpy as np
 
+from wallride.runtime.line_files import AGAINST_LAP
 from wallride.sim.racing.raceline import RaceLine
 
 COLUMNS: Final = ("s_m", "x_m", "y_m", "yaw_rad", "kappa_radpm", "vx_mps", "ax_mps2", "away_m")
 
 
-def text_of(line: RaceLine, about: str, map_print: str = "") -> str:
-    """Return the content of a line's file. about: one sentence on where it is from. map_print: of the map's cells."""
+def text_of(line: RaceLine, about: str, map_print: str = "", *, is_against_lap: bool = False) -> str:
+    """Return the content of a line's file. about: one sentence on where it is from. map_print: of the map's cells.
+
+    is_against_lap: it goes round the other way than the lap of the map.
+    """
     columns = (
         line.along_m, line.x_m, line.y_m, line.yaw_rad, line.curvature_radpm, line.speed_mps, line.acceleration_mps2,
         line.away_m,
     )  # fmt: skip
-    of_map = f", map {map_print}" if map_print else ""
+    of_map = (AGAINST_LAP if is_against_lap else "") + (f", map {map_print}" if map_print else "")
     head = [
         f"# {' '.join(about.split())}", f"# length {line.length_m:.3f} m, lap {line.lap_s:.3f} s, closed{of_map}"
     ]  # fmt: skip

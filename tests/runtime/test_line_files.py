@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from tests.runtime.control.line_following.lines import circle
-from tests.runtime.test_map_files import box, write
+from tests.runtime.test_map_files import box, round_the_box, write
 from wallride.runtime.control.vehicle import CarSettings
-from wallride.runtime.line_files import read_course, read_line
-from wallride.runtime.map_files import MapError, fingerprint
+from wallride.runtime.line_files import AGAINST_LAP, read_course, read_line
+from wallride.runtime.map_files import MapError, fingerprint, walls_text
 from wallride.runtime.settings.pose_map import PoseMapSettings
 
 
@@ -68,6 +68,11 @@ def test_the_line_beside_the_map_is_taken_and_another_by_its_name(tmp_path):
     other.write_text(in_the_box(3.0))
     named = PoseMapSettings(file=str(map_), line=str(other))
     assert read_course(named, CarSettings()).line.speed_at(0.0) == 3.0
+    other.write_text(f"# a line{AGAINST_LAP}\n{other.read_text()}")
+    map_.with_name(f"{map_.stem}.walls.csv").write_text(walls_text(round_the_box(), 1.0, "of a lap"))  # and so a start
+    courses = [read_course(one, CarSettings()) for one in (PoseMapSettings(file=str(map_)), named)]
+    assert [course.line.is_against_lap for course in courses] == [False, True]
+    assert [len(course.localizer._starts) for course in courses] == [1, 2], "it may stand there either way round"
     with pytest.raises(MapError, match=r"none\.csv: No such file"):
         read_course(PoseMapSettings(file=str(map_), line=str(tmp_path / "none.csv")), CarSettings())
 

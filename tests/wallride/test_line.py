@@ -1,11 +1,13 @@
 """`wallride line` from the command line: its files, its figures, its errors."""
 
 import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from wallride import cli
+from wallride.runtime.line_files import read_line
 
 
 @pytest.fixture(autouse=True)
@@ -36,6 +38,23 @@ def test_a_line_is_a_path_for_another_line_the_other_way_round(here, capsys):
     assert back["lap_s"] == pytest.approx(json.loads((here / "there.json").read_text())["lap_s"], rel=0.05)
     yaw_rad = [np.loadtxt(here / name, delimiter=";")[:, 3] for name in ("there.csv", "back.csv")]
     assert np.sign([np.unwrap(yaw)[-1] - yaw[0] for yaw in yaw_rad]).tolist() in ([1, -1], [-1, 1])
+
+
+def test_a_line_tells_whether_it_goes_round_against_the_lap_of_its_map(here):
+    cells = np.full((80, 120), 254, np.uint8)
+    cells[[0, -1]] = cells[:, [0, -1]] = cells[25:55, 25:95] = 0
+    (here / "lab.pgm").write_bytes(b"P5 120 80 255\n" + cells.tobytes())
+    (here / "lab.yaml").write_text("image: lab.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n")
+    ways = ([], False), (["--reverse"], True), (["--side", "right"], False), (["--side", "right", "--reverse"], True)
+    for options, is_against in ways:
+        assert cli.main(["line", "lab.yaml", "-o", "one.csv", *options]) == 0
+        assert read_line(here / "one.csv", here / "lab.yaml").is_against_lap is is_against
+    corners = [(1.2, 1.2), (10.8, 1.2), (10.8, 6.8), (1.2, 6.8), (1.2, 1.2)]
+    rows = "\n".join(f"{x_m}; {y_m}" for x_m, y_m in np.vstack([np.linspace(*two, 20) for two in pairwise(corners)]))
+    (here / "lab.path.csv").write_text(f"# x_m; y_m\n{rows}\n")  # to the left, as with the wall on the right
+    for options, is_against in (([], False), (["--reverse"], True), (["--side", "left"], True), (ways[3][0], True)):
+        assert cli.main(["line", "lab.yaml", "-o", "one.csv", *options]) == 0
+        assert read_line(here / "one.csv").is_against_lap is is_against
 
 
 def test_the_line_of_a_refused_map_says_so(here, capsys):

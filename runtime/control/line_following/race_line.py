@@ -36,7 +36,8 @@ class CourseLine:
     """Points in the map's frame in the direction of driving, shape (n,) each; the last one joins the first.
 
     places_m: x + iy. along_m: way from the first point, rising from 0. yaw_rad: heading. curvature_radpm: positive to
-    the left. speed_mps: at which a point is passed. length_m: of the whole lap.
+    the left. speed_mps: at which a point is passed. length_m: of the whole lap. is_against_lap: it goes round the other
+    way than the lap that the map was made of.
     """
 
     places_m: Places
@@ -45,6 +46,7 @@ class CourseLine:
     curvature_radpm: Floats
     speed_mps: Floats
     length_m: float
+    is_against_lap: bool = False
 
     @property
     def aside_mps2(self) -> float:

@@ -5,7 +5,7 @@ import math
 from collections import deque
 from collections.abc import Iterator
 from enum import StrEnum
-from typing import Final
+from typing import Final, Self
 
 from wallride.drivers.api import MotorState, Scan
 from wallride.drivers.value import value
@@ -78,7 +78,7 @@ class Localizer:
     ) -> None:
         self._car = car
         self._search_parts = search_parts
-        self._start = start
+        self._starts = [] if start is None else [start]
         self._filter = PoseFilter(field, car.wheelbase_m, scale)
         self._wheels = WheelSteps(car.steering_rate_radps)
         self._search = PlaceSearch(field, car.wheelbase_m)
@@ -91,6 +91,11 @@ class Localizer:
         self._odometry = (0j, 0.0)  # place and heading since the search began
         self._newest: tuple[Scan, PoseEstimate] | None = None
         self._rest_until = (-math.inf, 0.0)  # time and way from which the next search may begin
+
+    def either_way_round(self) -> Self:
+        """Have it look for a car at its start that stands there turned round, too."""
+        self._starts += [(x_m, y_m, yaw_rad + math.pi) for x_m, y_m, yaw_rad in self._starts]
+        return self
 
     @property
     def scale(self) -> float:
@@ -140,7 +145,7 @@ class Localizer:
         return len(self._misfits) == LOST_SCANS and all(self._misfits)
 
     def _lose(self) -> None:
-        self._whereabouts, self._start, self._searching, self._alike = Whereabouts.LOST, None, None, ()
+        self._whereabouts, self._starts, self._searching, self._alike = Whereabouts.LOST, [], None, ()
         self._rest_until = (-math.inf, 0.0)
 
     def _estimate(self, scan: Scan, share: float) -> PoseEstimate:
@@ -176,13 +181,16 @@ class Localizer:
 
     def _places(self, points: ScanPoints) -> Iterator[list[Place] | None]:
         """Search; where the car was told to be, places that look alike do not count."""
-        near = self._search.around(points, *self._start)[:1] if self._start is not None else []
-        self._start = None
+        near = [place for start in self._starts for place in self._search.around(points, *start)[:1]]
+        near.sort(key=lambda place: -place.score)
+        if len(near) > 1 and near[1].score >= ALIKE * near[0].score:
+            near = []  # nothing tells which way round it stands
+        self._starts = []
         if near and near[0].score >= SURE_SCORE:
-            yield near
+            yield near[:1]
         for found in self._search.anywhere(points):
             is_told = found and near and near[0].score >= ALIKE * found[0].score
-            yield near if is_told else found
+            yield near[:1] if is_told else found
 
     def _found(self, scan: Scan, places: list[Place]) -> PoseEstimate:
         """Take the one place that was found, or say which are alike."""

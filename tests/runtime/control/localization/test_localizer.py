@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.runtime.control.localization.rooms import BEAMS, report, ring
+from tests.runtime.control.localization.rooms import BEAMS, LIDAR_M, Room, report, ring
 from wallride.runtime.control.localization.line_field import field_of_cells
 from wallride.runtime.control.localization.localizer import LOST_SCANS, Localizer, Whereabouts
 from wallride.runtime.control.vehicle import CarSettings
@@ -89,6 +89,25 @@ def test_where_the_laps_begin_decides_between_places_that_look_alike(plain):
     room, field = plain
     last = stand(Localizer(field, CAR, START), room, (-0.3, 0.2, -0.5), scans=4)[-1]
     assert at(last) == pytest.approx((-0.3, 0.2, -0.5), abs=0.03)
+
+
+def test_on_a_line_against_the_lap_it_is_found_there_either_way_round(plain):
+    room, field = plain
+    for yaw_rad, turned in ((math.pi, True), (0.0, True), (0.0, False)):
+        localizer = Localizer(field, CAR, START)
+        localizer = localizer.either_way_round() if turned else localizer
+        last = stand(localizer, room, (-0.3, 0.2, yaw_rad - 0.1), scans=4)[-1]
+        off_rad = math.remainder(last.yaw_rad - yaw_rad, math.tau)
+        assert (last.x_m, last.y_m, off_rad) == pytest.approx((-0.3, 0.2, -0.1), abs=0.03)
+    other_way = Localizer(field, CAR, START, search_parts=WHOLE)
+    assert stand(other_way, room, (-0.3, 0.2, math.pi), scans=4)[-1].whereabouts is Whereabouts.AMBIGUOUS
+
+
+def test_a_start_that_fits_either_way_round_decides_nothing():
+    room, pose = Room([(0.0, -1.0, 12.0, 1.0)]), (6.0 - LIDAR_M, 0.0, 0.0)
+    localizer = Localizer(field_of_cells(room.cells), CAR, pose, search_parts=WHOLE).either_way_round()
+    last = stand(localizer, room, pose, scans=4)[-1]
+    assert last.whereabouts is Whereabouts.AMBIGUOUS
 
 
 @pytest.mark.parametrize("pose", [CORNER, (-0.3, 2.0, 1.0), (9.5, -0.2, 0.4)])
