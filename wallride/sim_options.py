@@ -19,8 +19,8 @@ def add(commands: Commands) -> None:
     sim.add_argument(
         "world",
         nargs="?",
-        default="loop",
-        help="a built-in world, track:seed=N, a ROS map .yaml or a scenario .toml (default: loop)",
+        help="a built-in world, track:seed=N, a ROS map .yaml or a scenario .toml (default: loop; with --race the world"
+        " in which the map's lap was driven)",
     )
     add_set(sim)
     add_config(sim, "settings file of the simulated car", "config/sim.toml's", positional=False)

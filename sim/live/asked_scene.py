@@ -7,7 +7,7 @@ from wallride.runtime.settings.tree import Settings
 from wallride.sim.car.vehicle import Vehicle
 from wallride.sim.live.scenario_scene import ScenarioScene
 from wallride.sim.live.scenes import WorldScene
-from wallride.sim.racing.race import with_lap
+from wallride.sim.racing.race import Race, with_lap
 from wallride.sim.scenario.conditions import Conditions, RequestedConditions, conditions_of
 from wallride.sim.scenario.scenario_file import MAX_START_TO_WALL_M
 from wallride.sim.world.pose import Pose
@@ -23,7 +23,7 @@ class SimUsageError(Exception):
 def build_scene(
     options: argparse.Namespace, settings: Settings, chosen: ScenarioScene | None = None
 ) -> tuple[Conditions, WorldScene, Vehicle]:
-    """Return the world that the options name, or a scenario's, with a car in it."""
+    """Return the world that the options name, or a scenario's, with a car in it. The line of a race is the lap."""
     if chosen is not None:
         return chosen.conditions, chosen, chosen.vehicle
     side = settings.wall_follow.side
@@ -32,8 +32,10 @@ def build_scene(
     except (ValueError, OSError) as error:
         raise SimUsageError(str(error)) from None
     conditions = conditions_of(wishes(options))
-    vehicle = Vehicle(conditions.vehicle, parse_pose(options.pose) if options.pose else world.start)
-    world = with_lap(world, options.race, vehicle.pose) if options.race is not None else world
+    race: Race | None = options.race
+    begin = race.start_in(world) if race is not None else world.start
+    vehicle = Vehicle(conditions.vehicle, parse_pose(options.pose) if options.pose else begin)
+    world = with_lap(world, race) if race is not None else world
     start = f"--pose {options.pose}" if options.pose else f"the start in {world.name}"
     if not world.clearance(vehicle.pose) <= MAX_START_TO_WALL_M:  # NaN is nowhere
         left_m, bottom_m, right_m, top_m = world.bounds_m

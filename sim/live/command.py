@@ -39,7 +39,7 @@ from wallride.sim.live.screen import LiveView, address_in, operate_hint, port_no
 from wallride.sim.live.session import USAGE_ERROR, RuntimeStart, SessionError, SimulatorSession, innermost
 from wallride.sim.live.stop_request import StopRequest
 from wallride.sim.live.user_code import UserCode
-from wallride.sim.racing.race import START, race_figures, take_race
+from wallride.sim.racing.race import Race, race_figures, take_race, world_words
 from wallride.sim.recordings import RecordingError, load_recording
 from wallride.sim.scenario.command import tell
 from wallride.sim.scenario.conditions import Conditions, ConditionsError, conditions_of
@@ -48,7 +48,7 @@ from wallride.sim.scenario.scenario_file import Scenario
 from wallride.sim.scenario.simulated_car import find_config, saved_settings
 from wallride.sim.scenario.toml_lines import FileMistakeError
 from wallride.sim.world.pose import Pose
-from wallride.sim.world.worlds import load_world
+from wallride.sim.world.worlds import is_map, load_world
 
 DEFAULT_DURATION_S = 60.0
 MAX_LAP_S = 180.0
@@ -68,13 +68,12 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     console, answer = Console(stderr=True), Console(stderr=options.json == "-")
     try:
         with stop.loading():
-            take_race(options)
             config = options.config or find_config()
             saved = saved_settings(config)
+            options.race = race = take_race(options, config, saved)
             scenario = read_scenario(options, config)
             settings = _load(options, config, saved)
-        if saved.exists():
-            console.print(f"[dim]with what was saved in {saved} (delete it to forget)[/dim]", soft_wrap=True)
+        _say_first(console, saved, race)
         _check_length(options)
         if options.cars > 1:
             return _fleet(options, config, settings, stop, (console, answer), is_scenario=scenario is not None)
@@ -100,6 +99,14 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     if faults := [*UserCode.of(settings).faults(summary["faults"]), *filter(None, [missing])]:
         return _failed("; ".join(faults))
     return _judged(scenario, scene, answer) if scenario is not None and scene is not None else 0
+
+
+def _say_first(console: Console, saved: Path, race: Race | None) -> None:
+    """Say what a driver may not expect of the drive."""
+    if saved.exists():
+        console.print(f"[dim]with what was saved in {saved} (delete it to forget)[/dim]", soft_wrap=True)
+    if race is not None and race.notice:
+        console.print(f"wallride: {race.notice}", soft_wrap=True)
 
 
 def _failed(words: str) -> int:
@@ -153,6 +160,7 @@ def _drive(
     options: argparse.Namespace, config: Path, settings: Settings, stop: StopRequest, console: Console, *,
     chosen: ScenarioScene | None = None,
 ) -> dict[str, Any]:  # fmt: skip
+    race: Race | None = options.race
     with stop.loading():
         conditions, scene, vehicle = build_scene(options, settings, chosen)
     scene.back_to = vehicle.pose if options.put_back else None
@@ -164,18 +172,15 @@ def _drive(
         raise SimUsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
     duration_s = options.duration or (options.laps * MAX_LAP_S if options.laps else DEFAULT_DURATION_S)
     live, began = LiveConditions(vehicle, scene, conditions), vehicle.pose
+    origin = race.origin_in(world) if race is not None and chosen is None else began
     attach: dict[str, Any] = {"on_devices": chosen.attach} if chosen is not None else {}
     session = SimulatorSession(
-        scene,
-        vehicle,
-        conditions.wiring.wired(settings.motor),
-        desired_m=settings.wall_follow.desired_distance_m,
-        watched=not options.headless,
-        changes=live,
-        user_code=UserCode.of(settings),
-        **attach,
-    ).fit(settings.motor)
-    start = _start(options, config, settings, world.name)
+        scene, vehicle, conditions.wiring.wired(settings.motor), desired_m=settings.wall_follow.desired_distance_m,
+        watched=not options.headless, changes=live, user_code=UserCode.of(settings), **attach,
+    ).fit(settings.motor)  # fmt: skip
+    named = options.world if is_map(options.world) else world.name
+    driven_in = world_words(named, began if chosen is None and began != world.start else None)
+    start = _start(options, config, settings, driven_in)
     record = _run(session, start, duration_s, stop, console, _view(options, scene, vehicle, console, live), live)
     summary = {
         "world": world.name,
@@ -184,7 +189,7 @@ def _drive(
         "contacts": scene.contacts,
         "laps": len(scene.lap_times_s),
         "lap_times_s": scene.lap_times_s,
-        **(race_figures(*record.as_driven(), options.race, began, scene.lap_times_s) if options.race else {}),
+        **(race_figures(*record.as_driven(), race.line, origin, scene.lap_times_s) if race is not None else {}),
         "conditions": conditions.changed(),
         "changed_while_driving": live.done + len(record.changes),
     }
@@ -270,8 +275,7 @@ def _start(options: argparse.Namespace, config: Path, settings: Settings, world:
         *([] if is_placed else ["recording.simulated=true"]),
         *([] if is_joystick_named else ["joystick.enabled=off"]),  # `wallride teleop` beside it reads this computer's
     ]
-    driven_in = world + START + options.pose if options.pose else world
-    assignments = [*options.assignments, *chosen, f"recording.world={json.dumps(driven_in)}"]
+    assignments = [*options.assignments, *chosen, f"recording.world={json.dumps(world)}"]
     return RuntimeStart(config, assignments, ["--saved", str(saved_settings(config))], settings.telemetry.listen)
 
 

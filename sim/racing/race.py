@@ -2,9 +2,10 @@
 
 import argparse
 import cmath
+import math
 import re
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -13,10 +14,11 @@ import numpy as np
 from wallride.runtime.control.line_following.race_line import CourseLine
 from wallride.runtime.line_files import LINE_SUFFIX, read_line
 from wallride.runtime.map_files import MapError, refusal_of
-from wallride.runtime.settings.tree import SettingsError
+from wallride.runtime.settings.tree import SettingsError, load_settings
 from wallride.sim.world.lap import Lap
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import Floats, Pose
+from wallride.sim.world.worlds import is_map, is_there
 
 DEFAULT_WORLD: Final = "loop"
 START: Final = " --pose "
@@ -26,23 +28,49 @@ SPARE: Final = 1.1
 MOVES_MPS: Final = 0.3
 
 
-def take_race(options: argparse.Namespace) -> None:
+@dataclass(frozen=True, slots=True, eq=False)
+class Race:
+    """What is raced. origin: of the map in the world, None for the world's start. notice: what is odd about it, or "".
+
+    is_lap: the origin is where the map's lap began; without it, where a map that is the world itself has it.
+    """
+
+    line: CourseLine
+    origin: Pose | None = None
+    is_lap: bool = True
+    notice: str = ""
+
+    def origin_in(self, world: World) -> Pose:
+        """Return the origin of the map in a world."""
+        return self.origin or world.start
+
+    def start_in(self, world: World) -> Pose:
+        """Return where the car begins: where the lap did, turned round where the line goes the other way."""
+        start = self.origin_in(world) if self.is_lap else world.start
+        if self.line.is_against_lap:
+            return replace(start, yaw_rad=math.remainder(start.yaw_rad + math.pi, math.tau))
+        return start
+
+
+def take_race(options: argparse.Namespace, config: Path | None = None, saved: Path | None = None) -> Race | None:
     """Set world and settings of a race by its map; what the command line says goes first. Raises: SettingsError."""
     if options.race is None:
-        return
+        options.world = options.world or DEFAULT_WORLD
+        return None
+    named = [f"map.file={options.race.resolve()}", *options.assignments]
+    own_line = load_settings(config, named, saved).map.line
     try:
-        line = read_line(line_of_map(options.race), options.race)
-        if options.world == DEFAULT_WORLD:
-            options.world, start = world_of_map(options.race)
-            options.pose = options.pose or start
+        line = read_line(Path(own_line).expanduser() if own_line else line_of_map(options.race), options.race)
+        options.world, race = placed(line, options.race, options.world)
     except MapError as error:
         raise SettingsError(str(error)) from None
     fastest_mps = float(line.speed_mps.max())
     options.assignments = [
-        "wall_follow.method=line", f"map.file={options.race.resolve()}",
+        "wall_follow.method=line",
         *(f"{name}={fastest_mps * SPARE:.3f}" for name in ("wall_follow.speed_mps", "car.max_speed_mps")),
-        *options.assignments,
+        *named,
     ]  # fmt: skip
+    return race
 
 
 def line_of_map(file: Path) -> Path:
@@ -57,16 +85,37 @@ def line_of_map(file: Path) -> Path:
     return beside
 
 
-def world_of_map(file: Path) -> tuple[str, str | None]:
-    """Return the simulated world that a map was made of, and the pose that its lap began at, None for the world's own.
+def world_words(world: str, start: Pose | None) -> str:
+    """Return what a recording says of where it was driven, from which its map has it. start: None for the world's."""
+    return world + (f"{START}{start.x_m:.6g},{start.y_m:.6g},{start.yaw_rad:.6g}" if start is not None else "")
 
-    Raises: MapError where the map does not tell.
+
+def placed(line: CourseLine, file: Path, named: str | None) -> tuple[str, Race]:
+    """Return the world of a race, and the race with the map's place there. named: the world that was asked for.
+
+    Raises: MapError where none was, and the map does not tell, or its world is not there.
     """
+    name_it = f"name it first: wallride sim WORLD --race {file}"
     told = re.search(r"^# world: (\S.*)$", _text(file), re.MULTILINE)
-    if told is None:
-        raise MapError(f"--race {file}: it does not tell its world; name it first: wallride sim WORLD --race {file}")
-    world, _, start = told[1].strip().partition(START)
-    return world, start or None
+    world, _, start = told[1].strip().partition(START) if told is not None else ("", "", "")
+    if named is not None and is_map(named) and Path(named).resolve() == file.resolve():
+        return named, Race(line, Pose(0.0, 0.0, 0.0), is_lap=False)
+    if named is not None and not _is_same(world, named):
+        return named, Race(line, notice=f"{file.name} is the map of a lap in {world}, not in {named}" if world else "")
+    if not world:
+        raise MapError(f"--race {file}: it does not tell its world; {name_it}")
+    chosen = named or (world if is_there(world) else str(file.parent / world))
+    if named is None and (not is_there(chosen) or Path(chosen).resolve() == file.resolve()):
+        raise MapError(f"--race {file}: the world that its lap was driven in, {world}, is not here; {name_it}")
+    try:
+        return chosen, Race(line, Pose(*map(float, start.split(","))) if start else None)
+    except (TypeError, ValueError):
+        raise MapError(f"--race {file}: its lap began at {start}, which is no pose X,Y,THETA; {name_it}") from None
+
+
+def _is_same(told: str, named: str) -> bool:
+    """Return whether a world that was named is the one that a map tells, whose file may lie elsewhere now."""
+    return told == named or (is_map(named) and Path(told).stem == Path(named).stem)
 
 
 def _text(file: Path) -> str:
@@ -76,9 +125,9 @@ def _text(file: Path) -> str:
         raise MapError(f"--race {file}: cannot be read ({error})") from None
 
 
-def with_lap(world: World, file: Path, start: Pose) -> World:
-    """Return the world with the line of a map as its lap. start: where the map's lap began, in the world."""
-    places = in_world(read_line(line_of_map(file)), start)
+def with_lap(world: World, race: Race) -> World:
+    """Return the world with a race's line as its lap."""
+    places = in_world(race.line, race.origin_in(world))
     return replace(world, lap=Lap(np.column_stack([places.real, places.imag])))
 
 
@@ -88,14 +137,13 @@ def in_world(line: CourseLine, start: Pose) -> np.ndarray:
 
 
 def race_figures(
-    track: Floats, poses: Floats, file: Path, start: Pose, lap_times_s: Sequence[float]
+    track: Floats, poses: Floats, line: CourseLine, start: Pose, lap_times_s: Sequence[float]
 ) -> dict[str, float | None]:
     """Return how far from the line the last lap was, and how far the poses that the car found are from the truth.
 
     track: true time, x, y and speed, (n, 4). poses: time, x and y on the map, (m, 3). They are laid over the truth by
-    one rigid motion: what remains is the error of the trajectory.
+    one rigid motion: what remains is the error of the trajectory. start: where the map's lap began, in the world.
     """
-    line = read_line(line_of_map(file))
     end_s = float(np.sum(lap_times_s))
     begin_s = end_s - (lap_times_s[-1] if lap_times_s else 0.0)
     last = (track[:, 0] >= begin_s) & (track[:, 0] < end_s) & (track[:, 3] > MOVES_MPS)

@@ -54,6 +54,11 @@ def is_map(name: str) -> bool:
     return name.endswith(_MAP_SUFFIXES)
 
 
+def is_there(name: str) -> bool:
+    """Return whether a world's name names one: a built-in world, a track, or a map whose file is there."""
+    return Path(name).is_file() if is_map(name) else is_track(name) or name in BUILDERS
+
+
 def straight() -> World:
     """Two parallel walls 4 m apart and 60 m long, open at both ends; the far one is 3 m away at the start."""
     return _of([*chain([(-5, 1), (55, 1)]), *chain([(-5, -3), (55, -3)])])

@@ -30,7 +30,7 @@ def commands(parser=None, name=()):
         ("run", {"config": None, "assignments": [], "address_file": None, "saved": None}),
         ("run car.toml --set a=1 --set b=2", {"assignments": ["a=1", "b=2"]}),
         ("check --devices", {"devices": True}),
-        ("sim", {"world": "loop", "headless": False, "seed": 0, "obstacle": [], "dirt": [], "recording": None}),
+        ("sim", {"world": None, "headless": False, "seed": 0, "obstacle": [], "dirt": [], "recording": None}),
         ("sim --dirt=-10,5 --dirt 1,2", {"dirt": ["-10,5", "1,2"]}),
         ("lab walls", {"method": "ball", "seed": 1000, "seeds": "1", "quick": False, "jobs": None}),
         ("lab stories", {"method": "ball", "speeds": None, "seeds": 1}),

@@ -2,17 +2,20 @@
 
 import argparse
 import cmath
+import math
+from dataclasses import replace
 
 import pytest
 
 from tests.runtime.control.line_following.lines import circle
 from tests.runtime.test_line_files import text
 from tests.runtime.test_map_files import box, write
+from wallride.runtime.line_files import AGAINST_LAP
 from wallride.runtime.map_files import fingerprint
 from wallride.runtime.settings.tree import SettingsError
 from wallride.sim.figures.summary import Sample
 from wallride.sim.live.record import Record
-from wallride.sim.racing.race import in_world, race_figures, take_race, trajectory_errors_m, with_lap
+from wallride.sim.racing.race import Race, in_world, race_figures, take_race, trajectory_errors_m, with_lap, world_words
 from wallride.sim.world.pose import Pose
 from wallride.sim.world.worlds import load_world
 
@@ -28,7 +31,7 @@ def race(tmp_path):
 
 def options(race, **more):
     return argparse.Namespace(
-        **{"race": race, "world": "loop", "pose": None, "assignments": ["wall_follow.side=right"], **more}
+        **{"race": race, "world": None, "pose": None, "assignments": ["wall_follow.side=right"], **more}
     )
 
 
@@ -38,12 +41,59 @@ def test_the_map_tells_world_line_and_speed(race):
     assert chosen.world == "track:seed=7"
     assert chosen.assignments[-1] == "wall_follow.side=right", "what the command line says goes first"
     assert {"wall_follow.method=line", "car.max_speed_mps=4.400", f"map.file={race}"} <= set(chosen.assignments)
-    named = options(race, world="levine.yaml")
-    take_race(named)
-    assert named.world == "levine.yaml"
     none = options(None)
-    take_race(none)
+    assert take_race(none) is None
     assert (none.world, none.assignments) == ("loop", ["wall_follow.side=right"])
+
+
+@pytest.mark.parametrize("named", ["loop", "corridor", "levine.yaml"])
+def test_a_world_that_is_named_is_driven_in_and_said_to_be_another(race, named):
+    race.write_text("# world: track:seed=7 --pose 4,-3,0\n")
+    chosen = options(race, world=named)
+    found = take_race(chosen)
+    assert (chosen.world, found.origin) == (named, None)
+    assert found.notice == f"lab.yaml is the map of a lap in track:seed=7, not in {named}"
+    same = options(race, world="track:seed=7")
+    assert (take_race(same).notice, take_race(same).origin) == ("", Pose(4.0, -3.0, 0.0))
+
+
+def test_the_world_of_a_map_is_found_where_it_was_beside_the_map_or_asked_for(race, tmp_path, monkeypatch):
+    drawn = tmp_path / "hall" / "skirk.yaml"
+    drawn.parent.mkdir()
+    drawn.touch()
+    monkeypatch.chdir(tmp_path)
+    for told in (drawn, "hall/skirk.yaml"):
+        race.write_text(f"# world: {told} --pose 1,2,3\n")
+        chosen = options(race)
+        assert take_race(chosen).origin == Pose(1.0, 2.0, 3.0)
+        assert chosen.world == str(told)
+    race.write_text("# world: skirk.yaml\n")
+    with pytest.raises(SettingsError, match=r"skirk\.yaml, is not here; name it first: wallride sim WORLD --race"):
+        take_race(options(race))
+    named = options(race, world="hall/skirk.yaml")
+    assert take_race(named).notice == ""
+    (tmp_path / "skirk.yaml").touch()
+    monkeypatch.chdir("/")
+    beside = options(race)
+    take_race(beside)
+    assert beside.world == str(tmp_path / "skirk.yaml")
+    for told in ("skirk", "lab.yaml"):  # as maps told it once; and this map itself is not what it was made of
+        race.write_text(f"# world: {told}\n")
+        with pytest.raises(SettingsError, match=f"{told}, is not here"):
+            take_race(options(race))
+
+
+def test_a_map_that_is_the_world_itself_lies_in_it_as_it_is(race):
+    told = options(race, world=str(race))
+    found, world = take_race(told), replace(load_world("loop"), start=Pose(0.0, 3.0, 0.2))
+    assert told.world == str(race)
+    assert (found.origin_in(world), found.start_in(world)) == (Pose(0.0, 0.0, 0.0), world.start)
+
+
+def test_what_is_said_of_the_start_is_understood_again(race):
+    race.write_text(f"# world: {world_words('loop', START)}\n")
+    assert take_race(options(race)).origin == START
+    assert world_words("loop", None) == "loop"
 
 
 def test_a_map_without_line_or_world_is_refused_in_a_sentence(race):
@@ -55,12 +105,25 @@ def test_a_map_without_line_or_world_is_refused_in_a_sentence(race):
         take_race(options(race))
 
 
-def test_the_race_begins_where_the_lap_did(race):
-    race.write_text("# world: track:seed=7 --pose 4,-3,0\n")
-    chosen, named = options(race), options(race, pose="1,2,3")
-    take_race(chosen)
-    take_race(named)
-    assert (chosen.world, chosen.pose, named.pose) == ("track:seed=7", "4,-3,0", "1,2,3")
+def test_the_race_begins_where_the_lap_did_along_the_line(race):
+    race.write_text("# world: track:seed=7 --pose 4,-3,0.5\n")
+    lap, world = take_race(options(race)), load_world("loop")
+    assert lap.start_in(world) == Pose(4.0, -3.0, 0.5)
+    beside = race.with_name("lab.line.csv")
+    beside.write_text(beside.read_text().replace("# a line", f"# a line{AGAINST_LAP}"))
+    begun = take_race(options(race)).start_in(world)
+    assert (begun.x_m, begun.y_m, begun.yaw_rad) == pytest.approx((4.0, -3.0, 0.5 - math.pi))
+
+
+def test_another_line_of_the_map_is_the_one_that_is_raced(race, tmp_path):
+    other = tmp_path / "other.csv"
+    other.write_text(text(circle(speed_mps=3.0)))
+    chosen = options(race, assignments=[f"map.line={other}"])
+    assert take_race(chosen).line.speed_mps.max() == 3.0
+    assert "car.max_speed_mps=3.300" in chosen.assignments
+    config = tmp_path / "car.toml"
+    config.write_text(f'[map]\nline = "{other}"\n')
+    assert take_race(options(race), config).line.speed_mps.max() == 3.0
 
 
 def test_what_is_no_good_map_is_refused_in_a_sentence(race):
@@ -82,15 +145,15 @@ def test_the_line_of_another_map_is_refused(race):
         take_race(options(race))
 
 
-def test_the_line_is_the_lap(race):
-    world = with_lap(load_world("loop"), race, START)
+def test_the_line_is_the_lap():
+    world = with_lap(load_world("loop"), Race(circle(), START))
     assert world.lap is not None
     assert world.lap.length_m == pytest.approx(circle().length_m, abs=0.05)
     turn = cmath.exp(0.5j)
     assert complex(*world.lap.points_m[0]) == pytest.approx(complex(2.0, -1.0) + 3.0 * turn, abs=1e-4)
 
 
-def test_errors_of_line_and_trajectory(race):
+def test_errors_of_line_and_trajectory():
     places = in_world(circle(), START)
     record, drift = Record(), cmath.exp(0.3j)
     for k, place in enumerate(places):
@@ -98,9 +161,9 @@ def test_errors_of_line_and_trajectory(race):
     record.began_s = 100.0
     found = [drift * place + complex(5.0, 5.0) + 0.02 * (-1) ** k for k, place in enumerate(places)]
     record.poses = [(100.0 + 0.1 * k, one.real, one.imag) for k, one in enumerate(found)]
-    told = race_figures(*record.as_driven(), race, START, [0.1 * len(places)])
+    told = race_figures(*record.as_driven(), circle(), START, [0.1 * len(places)])
     assert told["line_rms_m"] == pytest.approx(0.0, abs=0.005)
     assert told["trajectory_rms_m"] == pytest.approx(0.02, abs=0.001), "a rigid motion is no error"
     assert not trajectory_errors_m(*Record().as_driven()).size
-    assert race_figures(*Record().as_driven(), race, START, [])["line_rms_m"] is None
+    assert race_figures(*Record().as_driven(), circle(), START, [])["line_rms_m"] is None
     assert told["trajectory_largest_m"] == pytest.approx(0.02, abs=0.001)
