@@ -75,7 +75,7 @@ async def race_along(file: Path, made: Path, line_mps: float, asked_mps: float, 
         restarted = f"It counts from the car's next start: sudo systemctl restart wallride ({error})."
     else:
         restarted = "The car starts anew, disarmed."
-    then = "Put it where the lap began, and permit it to drive: it follows the wall until it is located, then the line"
+    then = "Carry it to where the lap began, and permit it to drive: along the wall until it is located, then the line"
     return (
         written,
         f"{restarted} {then}, faster from lap to lap.",

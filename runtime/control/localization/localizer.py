@@ -79,6 +79,7 @@ class Localizer:
         self._car = car
         self._search_parts = search_parts
         self._starts = [] if start is None else [start]
+        self._is_first_search, self._began_m = True, math.nan  # what the wheels reported at first
         self._filter = PoseFilter(field, car.wheelbase_m, scale)
         self._wheels = WheelSteps(car.steering_rate_radps)
         self._search = PlaceSearch(field, car.wheelbase_m)
@@ -110,6 +111,8 @@ class Localizer:
 
     def _located(self, scan: Scan, motor: MotorState | None) -> PoseEstimate:
         since_s, self._stamp_s = scan.stamp_s - self._stamp_s, scan.stamp_s
+        if self._starts:
+            self._forget_start_of_driven(motor)
         told = self._wheels.to(scan.stamp_s, motor)
         step = told if told is not None else self._carried_on(since_s)
         ahead_mps, left_mps, turn_radps = self._filter.speeds(step)
@@ -117,6 +120,19 @@ class Localizer:
         if self._whereabouts is Whereabouts.LOCATED:
             return self._follow(scan, step, points, since_s)
         return self._look_for(scan, step, points)
+
+    def _forget_start_of_driven(self, motor: MotorState | None) -> None:
+        """Forget where the car was to be at first once it has driven, or nothing tells whether it has.
+
+        Until then what changes its place is who carries it, and to the start: later, a place of a symmetric course that
+        looks like the start may as well be the other one.
+        """
+        if motor is None:
+            self._starts = self._starts if self._is_first_search else []
+            return
+        self._began_m = motor.distance_m if math.isnan(self._began_m) else self._began_m
+        if abs(motor.distance_m - self._began_m) > AGAIN_M:
+            self._starts = []
 
     def _carried_on(self, since_s: float) -> WheelStep:
         """Return the step of a car that goes on as before: no report tells how it went."""
@@ -145,7 +161,7 @@ class Localizer:
         return len(self._misfits) == LOST_SCANS and all(self._misfits)
 
     def _lose(self) -> None:
-        self._whereabouts, self._starts, self._searching, self._alike = Whereabouts.LOST, [], None, ()
+        self._whereabouts, self._searching, self._alike = Whereabouts.LOST, None, ()
         self._rest_until = (-math.inf, 0.0)
 
     def _estimate(self, scan: Scan, share: float) -> PoseEstimate:
@@ -180,13 +196,13 @@ class Localizer:
         return scan.stamp_s >= until_s or abs(self._odometry[0]) > way_m > 0.0
 
     def _places(self, points: ScanPoints) -> Iterator[list[Place] | None]:
-        """Search; where the car was told to be, places that look alike do not count."""
+        """Search; where the car was told to be at first, places that look alike do not count."""
         near = [place for start in self._starts for place in self._search.around(points, *start)[:1]]
         near.sort(key=lambda place: -place.score)
         if len(near) > 1 and near[1].score >= ALIKE * near[0].score:
             near = []  # nothing tells which way round it stands
-        self._starts = []
-        if near and near[0].score >= SURE_SCORE:
+        is_first, self._is_first_search = self._is_first_search, False
+        if is_first and near and near[0].score >= SURE_SCORE:
             yield near[:1]
         for found in self._search.anywhere(points):
             is_told = found and near and near[0].score >= ALIKE * found[0].score

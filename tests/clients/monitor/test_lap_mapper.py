@@ -105,7 +105,7 @@ async def test_race_along_it_keeps_map_and_law_in_the_car_s_file(tmp_path, car_t
     now = await bench.ended()
     assert now["stage"] == "saved"
     assert bench.asked == [{"only_ask": True}, {}], "first whether it stands"
-    assert now["words"][1].startswith("The car starts anew, disarmed. Put it where the lap began, and permit it")
+    assert now["words"][1].startswith("The car starts anew, disarmed. Carry it to where the lap began, and permit it")
     assert "at most 4 m/s, and the line has 6.0 m/s" in now["words"][2], "of car.max_speed_mps"
     settings = load_settings(car_toml)
     assert settings.map.file == str(car_toml.parent / "maps" / "car1" / NAME.replace(".mcap", ".yaml"))

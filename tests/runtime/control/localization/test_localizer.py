@@ -91,6 +91,29 @@ def test_where_the_laps_begin_decides_between_places_that_look_alike(plain):
     assert at(last) == pytest.approx((-0.3, 0.2, -0.5), abs=0.03)
 
 
+def carried(localizer, room, *, way_m=0.0, told=True, to=(-0.3, 0.2, -0.5)):
+    """Return the estimate of a car that began elsewhere and was carried to a place; way_m: and drove before."""
+    last = None
+    for number in range(12):
+        stamp_s, is_there = 0.5 * number, number > 3
+        pose = to if is_there else (9.9, 0.2, 0.5)
+        wheels = report(stamp_s, 40.0 + (way_m if is_there else 0.0)) if told else None
+        last = localizer.take(room.scan(pose, stamp_s=stamp_s, noise_m=0.01, seed=number, number=number), wheels)
+    return last
+
+
+def test_a_car_that_is_carried_to_the_start_is_found_there_until_it_drives(plain):
+    room, field = plain
+    start = carried(Localizer(field, CAR, START, search_parts=WHOLE), room)
+    assert at(start) == pytest.approx((-0.3, 0.2, -0.5), abs=0.03)
+    for changes in ({"way_m": 1.0}, {"way_m": -1.0}, {"told": False}, {"to": (10.3, 5.8, math.pi - 0.5)}):
+        last = carried(Localizer(field, CAR, START, search_parts=WHOLE), room, **changes)
+        is_start = "to" in changes  # the place that looks like it: what is told decides, as at first
+        assert (last.whereabouts is Whereabouts.LOCATED) is is_start, changes
+    never = carried(Localizer(field, CAR, START, search_parts=WHOLE), room, to=(9.9, 5.8, 2.0))
+    assert never.whereabouts is Whereabouts.AMBIGUOUS
+
+
 def test_on_a_line_against_the_lap_it_is_found_there_either_way_round(plain):
     room, field = plain
     for yaw_rad, turned in ((math.pi, True), (0.0, True), (0.0, False)):
