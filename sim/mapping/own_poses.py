@@ -23,10 +23,11 @@ SAME_SCAN_S: Final = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class OwnPoses:
-    """How many poses the car has recorded, and how many of them are found again to the bit."""
+    """How many poses the car has recorded, how many of them are found again to the bit, and all that are found."""
 
     recorded: int
     same: int
+    found: tuple[PoseEstimate, ...]
 
 
 def own_poses(log: DriveLog, known: CarMap, line: CourseLine | None = None) -> OwnPoses | None:
@@ -42,7 +43,7 @@ def own_poses(log: DriveLog, known: CarMap, line: CourseLine | None = None) -> O
         place = int(np.argmin(np.abs(stamps_s - (message.stamp_ns / NS - ahead_s)))) if found else 0
         near = found and abs(stamps_s[place] - (message.stamp_ns / NS - ahead_s)) < SAME_SCAN_S
         same += bool(near) and _is_same(decode(message).pose, found[place])
-    return OwnPoses(len(recorded), same)
+    return OwnPoses(len(recorded), same, tuple(found))
 
 
 def line_of(log: DriveLog, map_file: Path) -> CourseLine | None:

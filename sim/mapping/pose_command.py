@@ -15,7 +15,7 @@ from wallride.runtime.map_files import WALLS_SUFFIX, CarMap, MapError, read_map
 from wallride.sim.mapping.lap_record import LapRecord, own_log, read_record, record_of_log
 from wallride.sim.mapping.map_output import ABOUT, empty_picture
 from wallride.sim.mapping.own_poses import line_of, own_poses
-from wallride.sim.mapping.poses import PoseTrack, track
+from wallride.sim.mapping.poses import PoseTrack, track, track_of
 from wallride.sim.racing.ring import driven_path
 from wallride.sim.recordings import RecordingError
 from wallride.sim.world.map_file import read_occupancy
@@ -36,9 +36,13 @@ def run(options: argparse.Namespace) -> int:
         raise RecordingError(str(error)) from error
     log = own_log(options.file)
     record = record_of_log(log) if log is not None else read_record(options.file, options.topic)
-    found = track(record, known, None if options.anywhere else known.start)
+    own = own_poses(log, known, line_of(log, options.map)) if log is not None and not options.anywhere else None
+    if own is not None and own.found:  # by the very scans and reports that it had, and not as it would be found anew
+        found = track_of(own.found, record)
+    else:
+        found = track(record, known, None if options.anywhere else known.start)
     told = figures(found, _of_the_map(record, options.map))
-    if log is not None and (own := own_poses(log, known, line_of(log, options.map))) is not None:
+    if own is not None:
         told |= {"own_poses": own.recorded, "own_poses_same": own.same}
     output: Path = options.output or Path(f"{options.file.stem}.pose.csv")
     picture = output.with_suffix(".png")
@@ -99,7 +103,8 @@ def summary(record: LapRecord, known: CarMap, found: PoseTrack, told: dict[str, 
         yield (
             f"the car's own {recorded} poses are found again to the bit"
             if same == recorded
-            else f"of the car's own {recorded} poses {same} are found again to the bit: another map or another version"
+            else f"of the car's own {recorded} poses {same} are found again to the bit: another map or another"
+            " version; the file has those of now"
         )
     if "off_path_rms_m" in told:
         yield (

@@ -1,6 +1,6 @@
 """The pose on a map along a recorded drive, as the car itself finds it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,8 +56,15 @@ def track(record: LapRecord, known: CarMap, start: tuple[float, float, float] | 
     car = CarSettings(wheelbase_m=record.wheelbase_m, lidar_x_m=record.lidar_m.real, lidar_y_m=record.lidar_m.imag)
     localizer = Localizer(known.field, car, start, known.scale, WHOLE_SEARCH)
     found = tuple(localizer.take(scan, motor) for scan, motor in moments(record))
-    poses = np.array([(one.x_m, one.y_m, one.yaw_rad) for one in found])
-    return PoseTrack(record.scan_s - record.scan_s[0], poses, found, localizer.scale)
+    return track_of(found, record)
+
+
+def track_of(found: Sequence[PoseEstimate], record: LapRecord) -> PoseTrack:
+    """Return estimates at scans of a drive as its track."""
+    times_s = np.array([one.stamp_s for one in found]) - record.scan_s[0]
+    poses = np.array([(one.x_m, one.y_m, one.yaw_rad) for one in found]).reshape(-1, 3)
+    scales = [one.scale for one in found if one.whereabouts is Whereabouts.LOCATED]
+    return PoseTrack(times_s, poses, tuple(found), scales[-1] if scales else 1.0)
 
 
 def moments(record: LapRecord) -> Iterator[tuple[Scan, MotorState | None]]:

@@ -12,7 +12,9 @@ from wallride import cli
 from wallride.runtime.control.line_following.line_follower import DRIVES
 from wallride.runtime.line_files import read_line
 from wallride.runtime.map_files import read_map
-from wallride.sim.replay.drive_log import read_log
+from wallride.runtime.wire import topics
+from wallride.sim.mapping import pose_command
+from wallride.sim.replay.drive_log import decode, read_log
 from wallride.sim.replay.reenact import reenact
 
 FOLLOW = {"wall_follow": {"speed_mps": 4.0}}
@@ -58,6 +60,21 @@ def test_a_car_with_the_map_finds_and_records_the_same_poses_to_the_bit(folder, 
     told = json.loads(capsys.readouterr().out)
     assert told["own_poses"] > 150
     assert told["own_poses_same"] == told["own_poses"]
+
+
+def test_the_rows_of_a_car_with_the_map_are_its_own(folder, here, monkeypatch):
+    map_ = folder / "lab.yaml"
+    record(here / "own.mcap", seconds=2.0, sections={"map": {"file": str(map_)}}, known=read_map(map_))
+    monkeypatch.setattr(pose_command, "track", lambda *_: pytest.fail("the drive is found anew"))
+    assert cli.main(["pose", "own.mcap", str(map_)]) == 0
+    log = read_log(here / "own.mcap")
+    own = [decode(message).pose.pose.position.x for message in log.of(topics.POSE)]
+    rows = [float(line.split("; ")[1]) for line in (here / "own.pose.csv").read_text().splitlines()[2:]]
+    found = [x_m for x_m in rows if np.isfinite(x_m)]
+    assert len(own) > 50
+    assert found[: len(own)] == pytest.approx(own, abs=1e-4)
+    with pytest.raises(pytest.fail.Exception):
+        cli.main(["pose", "own.mcap", str(map_), "--anywhere"])
 
 
 def test_a_car_drives_the_line_of_its_map_and_decides_the_same_to_the_bit(folder, here, capsys):
