@@ -66,7 +66,7 @@ def _add_pose(commands: Commands) -> None:
         help="find where a recorded drive was on a map, scan by scan",
         description="Finds the pose of a recorded drive on a map as the car itself does: where the map's lap began, or"
         " else anywhere. Writes the poses and a picture, and says how well the scans fit. Exit code 1: the drive was"
-        " not found on the map; places that look alike are said, not guessed.",
+        " not found on the map, or fits it badly; places that look alike are said, not guessed.",
     )
     replay_options.add_recording(pose)
     pose.add_argument("map", type=Path, metavar="MAP.yaml", help="a map of `wallride map`, or any other ROS map")

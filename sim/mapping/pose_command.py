@@ -21,8 +21,11 @@ from wallride.sim.recordings import RecordingError
 from wallride.sim.world.map_file import read_occupancy
 from wallride.sim.world.pose import Floats
 
-NOT_LOCATED: Final = 1
-"""Exit code of a drive of which nothing was found on the map."""
+NOT_TRUSTED: Final = 1
+"""Exit code of a drive that was not found on the map, or so badly that the map is not of that place."""
+LEAST_LOCATED, LEAST_FITS, MOST_LOSSES = 0.5, 0.7, 2
+"""Least shares of the scans and of their beams, and the most losses: a drive on its map has 1.0, 0.98 and none, with
+people over half of the view 0.6 of the beams at times; on another map it has 0.1 to 0.8, 0.6 and two to ten."""
 SHOWN_CM: Final = 10.0
 """Standard deviation from which on the picture's colour is the same."""
 COLUMNS: Final = ("t_s", "x_m", "y_m", "yaw_rad", "std_m", "fits", "whereabouts")
@@ -42,6 +45,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         found = track(record, known, None if options.anywhere else known.start)
     told = figures(found, _of_the_map(record, options.map))
+    told["reasons"] = list(reasons_against(told))
     if own is not None:
         told |= {"own_poses": own.recorded, "own_poses_same": own.same}
     output: Path = options.output or Path(f"{options.file.stem}.pose.csv")
@@ -52,9 +56,11 @@ def run(options: argparse.Namespace) -> int:
     })  # fmt: skip
     write_answer(json.dumps(told) + "\n", options.json)
     if options.json != "-":
-        for line in (*summary(record, known, found, told), f"written: {output}, {picture}"):
+        against = "; ".join(told["reasons"])
+        verdict = f"doubtful: {against}. Is the map of this place, as it is now?" if against else "good"
+        for line in (*summary(record, known, found, told), f"written: {output}, {picture}", f"verdict: {verdict}"):
             print(line)  # noqa: T201 - this is the command's answer
-    return 0 if told["located"] else NOT_LOCATED
+    return 0 if not told["reasons"] else NOT_TRUSTED
 
 
 def figures(found: PoseTrack, path: Floats | None) -> dict[str, Any]:
@@ -111,6 +117,16 @@ def summary(record: LapRecord, known: CarMap, found: PoseTrack, told: dict[str, 
             f"off the path of the map, which is of this drive: {100 * told['off_path_rms_m']:.1f} cm rms,"
             f" {100 * told['off_path_p99_m']:.1f} cm at 99 % of its places"
         )
+
+
+def reasons_against(told: dict[str, Any]) -> Iterator[str]:
+    """Yield what speaks against the poses of a drive, by its figures."""
+    if told["located"] < LEAST_LOCATED * told["scans"]:
+        yield f"located at {told['located']} of {told['scans']} scans"
+    if told.get("fits", 1.0) < LEAST_FITS:
+        yield f"only {100 * told['fits']:.0f} % of the beams fit"
+    if len(told["losses_s"]) > MOST_LOSSES:
+        yield f"lost {len(told['losses_s'])} times"
 
 
 def text_of(found: PoseTrack, about: str) -> str:

@@ -41,6 +41,7 @@ def test_another_drive_is_found_where_the_laps_begin(folder, here, capsys):
     assert "again on lab: located at" in said
     assert "of the beams fit the map" in said
     assert "lost" not in said
+    assert said.splitlines()[-1] == "verdict: good"
     assert (here / "again.pose.png").stat().st_size > 10_000
     rows = [line.split("; ") for line in (here / "again.pose.csv").read_text().splitlines()[2:]]
     assert {row[6] for row in rows[2:]} == {"located"}
@@ -133,7 +134,23 @@ def test_on_a_symmetric_map_a_start_anywhere_is_not_guessed(folder, capsys):
 def test_another_building_is_told(folder, here, capsys):
     record(here / "elsewhere.mcap", world="straight", seconds=3.0)
     assert cli.main(["pose", "elsewhere.mcap", str(folder / "lab.yaml")]) == 1
-    assert "no place of the map" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "no place of the map" in said
+    assert said.splitlines()[-1].startswith("verdict: doubtful: located at 0 of ")
+
+
+@pytest.mark.parametrize(
+    ("figures", "reasons"),
+    [
+        ({}, []),
+        ({"fits": 0.72, "losses_s": [1.0, 2.0], "located": 900}, []),
+        ({"fits": 0.64, "losses_s": [1.0] * 10}, ["only 64 % of the beams fit", "lost 10 times"]),
+        ({"located": 137}, ["located at 137 of 1601 scans"]),
+    ],
+)
+def test_what_speaks_against_the_poses_of_a_drive(figures, reasons):
+    told = {"scans": 1601, "located": 1601, "fits": 0.98, "losses_s": [], **figures}
+    assert list(pose_command.reasons_against(told)) == reasons
 
 
 @pytest.mark.parametrize(("map_", "said"), [("none.yaml", "no map file none.yaml"), ("again.mcap", "again.mcap: ")])
