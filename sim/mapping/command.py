@@ -10,7 +10,7 @@ from typing import Final
 from wallride.runtime.host.output_files import write_answer, write_files
 from wallride.runtime.map_files import walls_text
 from wallride.sim.mapping.closing import ClosedLap, close_lap
-from wallride.sim.mapping.lap_record import LapRecord, read_record
+from wallride.sim.mapping.lap_record import LapRecord, read_record, wheel_words
 from wallride.sim.mapping.map_output import ABOUT, map_files, path_of, save_picture
 from wallride.sim.mapping.raster import rasterized
 from wallride.sim.mapping.verdict import MapVerdict, judge_map
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     write_answer(json.dumps(told) + "\n", options.json)
     if options.json != "-":
         written = f"written: {', '.join(map(str, files))}"
-        for line in (*summary(record, lap, verdict), written, f"verdict: {verdict.words}", *_advice(verdict)):
+        for line in (*summary(record, lap, verdict), written, f"verdict: {verdict.words}", *advice(verdict)):
             print(line)  # noqa: T201 - this is the command's answer
     return 0 if verdict.good else REFUSED
 
@@ -61,13 +61,14 @@ def summary(record: LapRecord, lap: ClosedLap, verdict: MapVerdict) -> Iterator[
             f" (chi2 {verdict.contradiction:.2f})"
         )
     if len(record.reports):
-        yield f"the wheels report {100 / lap.car.scale - 100:+.1f} % of way{_trim(record, lap)}"
+        yield wheel_words(lap.car.scale) + _trim(record, lap)
 
 
-def _advice(verdict: MapVerdict) -> Iterator[str]:
+def advice(verdict: MapVerdict) -> Iterator[str]:
     """Yield what to do about a refused map."""
     if not verdict.good:
-        yield "drive the lap again, on a computer that is not busy; docs/racing.md says what each reason asks for"
+        calm = ", on a computer that is not busy" if verdict.may_be_a_busy_computer else ""
+        yield f"drive the lap again{calm}; docs/racing.md says what each reason asks for"
 
 
 def _origin(record: LapRecord) -> str:

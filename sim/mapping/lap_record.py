@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,9 @@ from wallride.sim.replay.drive_log import NS, DriveLog, decode, is_mcap, read_lo
 from wallride.sim.replay.reenact import events_of
 from wallride.sim.replay.settings_text import settings_of
 from wallride.sim.world.pose import Floats
+
+TRUE_PERCENT: Final = 0.05
+"""Error of the wheels' way that would be printed as 0.0 %."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,6 +114,14 @@ def reports_of(states: Sequence[MotorState]) -> Floats:
     """Return time, way, speed and steering of each report, (m, 4), those with the same time once."""
     rows = {state.stamp_s: (state.stamp_s, state.distance_m, state.speed_mps, state.steering_rad) for state in states}
     return np.array([rows[stamp_s] for stamp_s in sorted(rows)]).reshape(-1, 4)
+
+
+def wheel_words(scale: float) -> str:
+    """Return what the wheels report of the way, in words. scale: true way over reported way."""
+    more_percent = 100.0 / scale - 100.0
+    if abs(more_percent) < TRUE_PERCENT:
+        return "the wheels report the way as it is"
+    return f"the wheels report {abs(more_percent):.1f} % too {'much' if more_percent > 0.0 else 'little'} way"
 
 
 def _states(events: Sequence[Event]) -> list[MotorState]:

@@ -12,7 +12,7 @@ import numpy as np
 from wallride.runtime.control.localization.localizer import Whereabouts
 from wallride.runtime.host.output_files import write_answer, write_files
 from wallride.runtime.map_files import WALLS_SUFFIX, CarMap, MapError, read_map
-from wallride.sim.mapping.lap_record import LapRecord, own_log, read_record, record_of_log
+from wallride.sim.mapping.lap_record import LapRecord, own_log, read_record, record_of_log, wheel_words
 from wallride.sim.mapping.map_output import ABOUT, empty_picture
 from wallride.sim.mapping.own_poses import line_of, own_poses
 from wallride.sim.mapping.poses import PoseTrack, track, track_of
@@ -101,7 +101,7 @@ def summary(record: LapRecord, known: CarMap, found: PoseTrack, told: dict[str, 
         f" {100 * told['largest_std_m']:.0f} cm at worst"
     )
     if len(record.reports):
-        yield f"the wheels report {100 / told['scale'] - 100:+.1f} % of way"
+        yield wheel_words(told["scale"])
     if told["losses_s"]:
         yield f"lost at {', '.join(f'{time_s:.1f} s' for time_s in told['losses_s'])}"
     if "own_poses" in told:

@@ -52,6 +52,11 @@ class MapVerdict:
         return not self.reasons
 
     @property
+    def may_be_a_busy_computer(self) -> bool:
+        """Return whether scans or reports that a busy computer lost explain the refusal."""
+        return self.gap_s > GAP_S or self.contradiction > CONTRADICTION
+
+    @property
     def words(self) -> str:
         """Return "good", or "refused" with the reasons."""
         return "good" if self.good else f"refused: {'; '.join(self.reasons)}"

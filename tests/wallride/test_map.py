@@ -1,6 +1,7 @@
 """`wallride map` from the command line: a recording of wallride becomes a map that `wallride line` takes as it is."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,10 @@ import pytest
 from tests.full_disk import full_disk
 from tests.sim.replay.recorded import record
 from wallride import cli
+from wallride.sim.mapping.closing import close_lap
+from wallride.sim.mapping.command import advice
+from wallride.sim.mapping.lap_record import read_record, wheel_words
+from wallride.sim.mapping.verdict import judge_map
 from wallride.sim.world.map_file import read_geometry
 
 FOLLOW = {"wall_follow": {"speed_mps": 4.0}}
@@ -50,7 +55,9 @@ def test_a_recorded_lap_becomes_a_map_and_the_map_a_line(recordings, here, capsy
 def test_a_piece_of_a_lap_is_refused_unless_it_is_meant(recordings, here, capsys):
     piece = str(recordings / "piece.mcap")
     assert cli.main(["map", piece]) == 1
-    assert "verdict: refused: the ring is open: the drive ends" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "verdict: refused: the ring is open: the drive ends" in said
+    assert said.splitlines()[-1] == "drive the lap again; docs/racing.md says what each reason asks for"
     assert (here / "piece.png").stat().st_size > 10_000
     (here / "lab.yaml").write_text("# map by wallride of lap.mcap, good\n")
     assert cli.main(["map", piece, "-o", "lab.yaml"]) == 1
@@ -62,6 +69,22 @@ def test_a_piece_of_a_lap_is_refused_unless_it_is_meant(recordings, here, capsys
     assert figures["residual_m"] < 0.01
     rows = np.loadtxt(here / "piece.path.csv", delimiter=";")
     assert np.hypot(*np.diff(rows[:, 1:3], axis=0).T).sum() == pytest.approx(figures["way_m"], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("scale", "said"), [(1.0003, "the way as it is"), (1 / 1.03, "3.0 % too much way"), (1.02, "2.0 % too little way")]
+)
+def test_what_the_wheels_report_is_said_in_words(scale, said):
+    assert wheel_words(scale) == f"the wheels report {said}"
+
+
+def test_a_busy_computer_is_blamed_for_what_it_may_have_lost(recordings):
+    lap = read_record(recordings / "piece.mcap")
+    good = judge_map(lap, close_lap(lap), is_open=True)
+    for gap_s, contradiction, is_blamed in ((0.0, 0.5, False), (0.7, 0.5, True), (0.0, 5.0, True)):
+        said = list(advice(replace(good, reasons=("anything",), gap_s=gap_s, contradiction=contradiction)))
+        assert ["not busy" in line for line in said] == [is_blamed]
+    assert list(advice(good)) == []
 
 
 @pytest.mark.parametrize("command", ["map", "report"])
