@@ -15,7 +15,7 @@ SETTLED_FOR_S = 2.0
 ON_THE_LINE_M = 0.02
 STANDING_FOR_S = 1.0
 OF_THE_WALL = frozenset({"mean_abs_error_m", "rms_error_m", "settle_s", "max_overshoot_m"})
-"""Figures that say nothing of a drive along a race line."""
+"""Figures that say nothing of a drive along a race line, or between both borders."""
 
 
 @dataclass(frozen=True, slots=True)

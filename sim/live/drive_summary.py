@@ -24,6 +24,8 @@ UNDER_WAY = frozenset({DRIVES, JOINS, "wall"})
 """Reasons of a car that nothing keeps."""
 DEVICES_ALLOW = "the lidar allows ", "the motor allows "
 """Beginnings of the notices of the status that tell a bound of the speed."""
+NOT_BY_A_WALL = frozenset({"line", "corridor"})
+"""Laws that keep no distance from a wall."""
 MOST_REASONS, LEAST_REASON_S = 3, 1.0
 Words = Callable[[Any], str]
 ROUND_FROM = 1000.0
@@ -33,7 +35,7 @@ def summarize(record: Record, settings: Settings) -> dict[str, Any]:
     """Return the figures that every drive has. settings: those at the start."""
     status = record.telemetry.get("status")
     winners = (status or {}).get("seconds_by_winner", {})
-    left_out = OF_THE_WALL if settings.wall_follow.method == "line" else frozenset()
+    left_out = OF_THE_WALL if settings.wall_follow.method in NOT_BY_A_WALL else frozenset()
     driven = {name: value for name, value in record.sums.figures().items() if name not in left_out}
     stands = driven["stopped"] and not record.failed  # the last decision of a runtime that died is no reason
     return {

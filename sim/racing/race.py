@@ -26,6 +26,8 @@ START: Final = " --pose "
 SPARE: Final = 1.1
 """The car's maximum speed over the line's highest: wheels that report too much are commanded more."""
 MOVES_MPS: Final = 0.3
+LEAST_POSES: Final = 10
+"""Of fewer a rigid motion leaves no error to speak of, of one none at all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,6 +77,8 @@ def take_race(options: argparse.Namespace, config: Path | None = None, saved: Pa
 
 def line_of_map(file: Path) -> Path:
     """Return the line's file beside a map. Raises: MapError where there is none, or the map is not to be trusted."""
+    if file.suffix == ".yaml" and not file.exists():
+        raise MapError(f"--race {file}: there is no such file; a map is made of a recorded lap: wallride map -o {file}")
     if file.suffix != ".yaml" or not file.is_file():
         raise MapError(f"--race {file}: is no map's .yaml; make one of a recorded lap: wallride map")
     if refused := refusal_of(file):
@@ -162,7 +166,7 @@ def trajectory_errors_m(track: Floats, poses: Floats) -> Floats:
         return np.zeros(0)
     times_s = track[:, 0]
     some = poses[(poses[:, 0] >= times_s[0]) & (poses[:, 0] <= times_s[-1])]
-    if not len(some):
+    if len(some) < LEAST_POSES:
         return np.zeros(0)
     true = np.interp(some[:, 0], times_s, track[:, 1]) + 1j * np.interp(some[:, 0], times_s, track[:, 2])
     places = some[:, 1] + 1j * some[:, 2]

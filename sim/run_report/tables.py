@@ -40,9 +40,9 @@ def head(shown: Shown) -> str:
     """Return name, facts and the largest figures of a run."""
     run, numbers = shown.run, shown.numbers
     follow = run.settings.wall_follow
-    course = "race line" if shown.races else f"{follow.side} wall at {distances(run)}, {numbers['method']}"
+    by_wall = f"{follow.side} wall at {distances(run)}, {numbers['method']}, {follow.speed_mps:g} m/s asked"
     facts = [
-        f"{course}, {follow.speed_mps:g} m/s asked",
+        f"race line, at most {follow.speed_mps:g} m/s" if shown.races else by_wall,
         f"safety: {run.settings.safety.method}",
         f"world: {shown.world}" if shown.world else "",
         _laps((shown.truth or {}).get("lap_times_s") or numbers.get("lap_times_s") or ()),

@@ -187,8 +187,8 @@ async def test_emulate_tells_it_while_the_car_drives(tmp_path):
 
 
 def test_a_race_has_no_figures_of_the_wall():
-    settings = load_settings(None, ["wall_follow.method=line"])
-    for one, wall in ((settings, False), (Settings(), True)):
+    others = [load_settings(None, [f"wall_follow.method={method}"]) for method in ("line", "corridor")]
+    for one, wall in (*((other, False) for other in others), (Settings(), True)):
         told = drive_summary.summarize(Record(1.0), one)
         assert ({"mean_abs_error_m", "rms_error_m", "settle_s", "max_overshoot_m"} <= set(told)) is wall
         assert {"distance_m", "hard_stops"} <= set(told)

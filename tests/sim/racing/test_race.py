@@ -127,6 +127,8 @@ def test_another_line_of_the_map_is_the_one_that_is_raced(race, tmp_path):
 
 
 def test_what_is_no_good_map_is_refused_in_a_sentence(race):
+    with pytest.raises(SettingsError, match=r"none\.yaml: there is no such file; a map is made"):
+        take_race(options(race.with_name("none.yaml")))
     with pytest.raises(SettingsError, match="is no map"):
         take_race(options(race.with_name("loop")))
     race.write_text("# map by wallride of a.mcap, refused: the ring is open\n# world: loop\n")
@@ -165,5 +167,8 @@ def test_errors_of_line_and_trajectory():
     assert told["line_rms_m"] == pytest.approx(0.0, abs=0.005)
     assert told["trajectory_rms_m"] == pytest.approx(0.02, abs=0.001), "a rigid motion is no error"
     assert not trajectory_errors_m(*Record().as_driven()).size
+    record.poses = record.poses[:9]
+    few = race_figures(*record.as_driven(), circle(), START, [])
+    assert few["trajectory_rms_m"] is None, "a rigid motion alone brings few poses to where they are"
     assert race_figures(*Record().as_driven(), circle(), START, [])["line_rms_m"] is None
     assert told["trajectory_largest_m"] == pytest.approx(0.02, abs=0.001)

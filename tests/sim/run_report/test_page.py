@@ -167,6 +167,7 @@ def test_a_race_has_its_laps_and_its_distance_from_the_line(run):
     assert (cells["line_rms_m"], cells["line_largest_m"]) == (["0.04 m", "0.03 m"], ["0.04 m"])
     assert "<h2>Distance from the race line over time</h2>" in written
     assert "2 laps, best 8.4 s" in written
+    assert "race line, at most 6 m/s" in written
     assert not {"settle_s", "max_overshoot_m", "mean_abs_error_m", "rms_error_m"} & set(cells)
     titles = re.findall("<tr><th>([^<]*)</th><td data-name", written)
     assert len(titles) == len(set(titles))
