@@ -26,6 +26,7 @@ NOT_TRUSTED: Final = 1
 LEAST_LOCATED, LEAST_FITS, MOST_LOSSES = 0.5, 0.7, 2
 """Least shares of the scans and of their beams, and the most losses: a drive on its map has 1.0, 0.98 and none, with
 people over half of the view 0.6 of the beams at times; on another map it has 0.1 to 0.8, 0.6 and two to ten."""
+MAP_SUFFIXES: Final = (".yaml", ".yml")
 SHOWN_CM: Final = 10.0
 """Standard deviation from which on the picture's colour is the same."""
 COLUMNS: Final = ("t_s", "x_m", "y_m", "yaw_rad", "std_m", "fits", "whereabouts")
@@ -33,6 +34,8 @@ COLUMNS: Final = ("t_s", "x_m", "y_m", "yaw_rad", "std_m", "fits", "whereabouts"
 
 def run(options: argparse.Namespace) -> int:
     """Find the poses and write them; RecordingError for what the user can correct."""
+    if options.file.suffix in MAP_SUFFIXES and options.map.suffix not in MAP_SUFFIXES:
+        raise RecordingError(f"the recording comes first: wallride pose {options.map} {options.file}")
     try:
         known = read_map(options.map, read_occupancy)
     except MapError as error:

@@ -36,6 +36,7 @@ def run(options: argparse.Namespace) -> int:
     car = load_settings(options.config, options.assignments).car
     if options.keep_m < (least_m := car.half_width_m + SPARE_M):
         raise NoLineError(f"--keep {options.keep_m:g} m is less than the car needs beside its middle: {least_m:.2f} m")
+    _check_avoided(world, options.avoid)
     line = line_of(world, options, car)
     stem = f"{Path(options.map).stem if is_map(options.map) else world.name.replace(':', '-')}.line"
     target: Path = options.output or Path(f"{stem}.csv")
@@ -93,6 +94,16 @@ def _is_against_lap(line: RaceLine, options: argparse.Namespace) -> bool:
     nearest = np.argmin(np.hypot(*(path_m[:-1, None] - points_m).transpose(2, 0, 1)), axis=1)
     ahead_m = steps_m[:, 0] * np.cos(line.yaw_rad[nearest]) + steps_m[:, 1] * np.sin(line.yaw_rad[nearest])
     return float(ahead_m.sum()) < 0.0
+
+
+def _check_avoided(world: World, avoided: Sequence[tuple[float, float, float]]) -> None:
+    left_m, bottom_m, right_m, top_m = world.bounds_m
+    for x_m, y_m, radius_m in avoided:
+        if not (left_m - radius_m < x_m < right_m + radius_m and bottom_m - radius_m < y_m < top_m + radius_m):
+            raise ValueError(
+                f"--avoid {x_m:g},{y_m:g},{radius_m:g}: lies beside the map, whose walls lie at x {left_m:.1f} to"
+                f" {right_m:.1f} m, y {bottom_m:.1f} to {top_m:.1f} m"
+            )
 
 
 def figures(line: RaceLine) -> dict[str, float]:

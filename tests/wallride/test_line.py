@@ -57,6 +57,12 @@ def test_a_line_tells_whether_it_goes_round_against_the_lap_of_its_map(here):
         assert read_line(here / "one.csv").is_against_lap is is_against
 
 
+@pytest.mark.parametrize("place", ["100,100,1", "0,5.2,1", "-8,0,0.5"])
+def test_a_place_to_avoid_lies_on_the_map(place, here, capsys):
+    assert cli.main(["line", "loop", f"--avoid={place}"]) == 2
+    assert f"--avoid {place}: lies beside the map, whose walls lie at x -6.0 to 6.0 m" in capsys.readouterr().err
+
+
 def test_the_line_of_a_refused_map_says_so(here, capsys):
     cells = np.full((80, 120), 254, np.uint8)
     cells[[0, -1]] = cells[:, [0, -1]] = cells[25:55, 25:95] = 0

@@ -24,6 +24,11 @@ def commands(parser=None, name=()):
         yield from commands(under, (*name, child))
 
 
+def test_who_asks_for_a_race_on_a_map_is_told_the_command(capsys):
+    assert main(["race", "lab.yaml"]) == 2
+    assert "a race on a map: wallride sim --race lab.yaml" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("line", "expected"),
     [

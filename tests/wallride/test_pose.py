@@ -153,6 +153,12 @@ def test_what_speaks_against_the_poses_of_a_drive(figures, reasons):
     assert list(pose_command.reasons_against(told)) == reasons
 
 
+def test_a_map_before_its_recording_is_told(folder, capsys):
+    recording, map_ = str(folder / "again.mcap"), str(folder / "lab.yaml")
+    assert cli.main(["pose", map_, recording]) == 2
+    assert f"the recording comes first: wallride pose {recording} {map_}" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("map_", "said"), [("none.yaml", "no map file none.yaml"), ("again.mcap", "again.mcap: ")])
 def test_a_mistake_is_one_sentence(folder, map_, said, capsys):
     path = map_ if map_ == "none.yaml" else str(folder / map_)

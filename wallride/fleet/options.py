@@ -1,9 +1,11 @@
 """Options of `wallride router`, `wallride stop` and `wallride race`."""
 
+import argparse
 from pathlib import Path
 from typing import Final
 
 from wallride import client_options
+from wallride.failure import fail
 from wallride.parser import Commands
 from wallride.runtime.host.terminal_text import say
 
@@ -39,6 +41,7 @@ def add(commands: Commands) -> None:
         description="Counts each car's laps from its own odometry until Ctrl-C: n begins a new race, Space stops every"
         " car. Without --line a car's line is where it stands when it is first heard.",
     )
+    race.add_argument("map", nargs="*", help=argparse.SUPPRESS)  # one word may well mean a race on a map
     client_options.add_common(race)
     client_options.add_name(race)
     race.add_argument(
@@ -50,4 +53,12 @@ def add(commands: Commands) -> None:
         "--order", choices=("laps", "best"), default="laps", help="positions by laps and time, or by the best lap"
     )
     race.add_argument("--json", action="store_true", help="print JSON, a line per second")
-    race.set_defaults(run=client_options.client("fleet.race_command"), print_line=say)
+    race.set_defaults(run=_race, print_line=say)
+
+
+def _race(options: argparse.Namespace) -> int:
+    if options.map:
+        return fail(
+            f"wallride race times real and simulated cars; a race on a map: wallride sim --race {options.map[0]}"
+        )
+    return client_options.client("fleet.race_command")(options)
