@@ -2,6 +2,7 @@
 
 import math
 import re
+from itertools import islice
 from pathlib import Path
 from typing import Final, Literal
 
@@ -34,6 +35,8 @@ MOST_SOLID: Final = 0.02
 """Largest share of points that are on no free cell of the map."""
 AGAINST_LAP: Final = ", against the lap"
 """In the heading of a line that goes round the other way than the lap that its map was made of."""
+OF_MAP: Final = re.compile(r", map ([0-9a-f]+)$")
+"""In its heading, too: what tells the cells of its map."""
 AGAIN: Final = "Make it again: wallride line"
 
 
@@ -48,7 +51,7 @@ def read_line(path: Path, map_file: Path | None = None) -> CourseLine:
             for number, text in enumerate(file, 1):
                 if text.startswith("#"):
                     is_against_lap |= AGAINST_LAP in text
-                    if map_file is not None and (named := re.search(r", map ([0-9a-f]+)$", text.strip())):
+                    if map_file is not None and (named := OF_MAP.search(text.strip())):
                         _check_map(path, named[1], map_file)
                     continue
                 rows.append(_row(path, number, text))
@@ -93,6 +96,13 @@ def _contradiction(line: CourseLine, steps_m: Floats) -> str:
     if over_rad[place] > TURN_RAD:
         return f"after s {line.along_m[place]:g} m kappa_radpm is not the turn of yaw_rad; it is positive to the left"
     return ""
+
+
+def map_of_line(path: Path) -> str:
+    """Return the fingerprint of the map that a line was made for, "" where it tells none. Raises: OSError."""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        heading = [line.strip() for line in islice(file, 3)]
+    return next((named[1] for text in heading if text.startswith("#") and (named := OF_MAP.search(text))), "")
 
 
 def _check_map(path: Path, named: str, map_file: Path) -> None:

@@ -24,7 +24,8 @@ def add(commands: Commands) -> None:
     line.add_argument("map", metavar="MAP", help="a ROS map's .yaml file, a built-in world, or track:seed=N")
     line.add_argument(
         "-o", dest="output", type=writable_files, metavar="LINE.csv",
-        help="file to write; the picture goes beside it (default: MAP.line.csv here)",
+        help="file to write; the picture goes beside it (default: MAP.line.csv beside the map;"
+        " here where its folder takes no file, and for a built-in world)",
     )  # fmt: skip
     line.add_argument("--side", choices=("left", "right"), help="which wall leads round the map (default: left)")
     line.add_argument(

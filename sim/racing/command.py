@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.host.output_files import write_answer, write_files
+from wallride.runtime.line_files import LINE_SUFFIX, map_of_line
 from wallride.runtime.map_files import fingerprint, refusal_of
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.racing.free_space import FreeSpace
@@ -38,16 +40,17 @@ def run(options: argparse.Namespace) -> int:
         raise NoLineError(f"--keep {options.keep_m:g} m is less than the car needs beside its middle: {least_m:.2f} m")
     _check_avoided(world, options.avoid)
     line = line_of(world, options, car)
-    stem = f"{Path(options.map).stem if is_map(options.map) else world.name.replace(':', '-')}.line"
-    target: Path = options.output or Path(f"{stem}.csv")
+    map_print = fingerprint(Path(options.map)) if is_map(options.map) else ""
+    stem = Path(options.map).with_suffix("") if is_map(options.map) else Path(world.name.replace(":", "-"))
+    own = stem.with_name(f"{stem.name}{LINE_SUFFIX}")
+    target = options.output or _default_target(own, map_print)
     if target.suffix == PICTURE:
-        raise ValueError(f"-o {target}: name a file, such as {stem}.csv; the picture goes beside it")
+        raise ValueError(f"-o {target}: name a file, such as {own.name}; the picture goes beside it")
     picture = target.with_suffix(PICTURE)
     about = (
         f"race line by wallride: {world.name}, {_course(options, world)}, mu {options.mu:g}, at least"
         f" {options.keep_m:g} m from walls, at most {options.speed_mps:g} m/s"
     )
-    map_print = fingerprint(Path(options.map)) if is_map(options.map) else ""
     title = f"{world.name}: {line.length_m:.1f} m, {line.lap_s:.2f} s"
     write_files({
         target: text_of(line, about, map_print, is_against_lap=_is_against_lap(line, options)),
@@ -60,6 +63,21 @@ def run(options: argparse.Namespace) -> int:
         for text in (*summary(line, options.keep_m, world.name), f"written: {target}, {picture}"):
             print(text)  # noqa: T201 - this is the command's answer
     return 0
+
+
+def _default_target(beside: Path, map_print: str) -> Path:
+    """Return the file of a line where none was named: beside its map, or here where nothing can be written there.
+
+    Raises: NoLineError where that is the line of another map.
+    """
+    if os.access(beside.parent, os.W_OK):
+        return beside
+    here = Path(beside.name)
+    if here.is_file() and map_of_line(here) != map_print:
+        raise NoLineError(
+            f"{beside.parent} takes no file, and {here} here is the line of another map: name one with -o"
+        )
+    return here
 
 
 def line_of(world: World, options: argparse.Namespace, car: CarSettings) -> RaceLine:

@@ -85,7 +85,7 @@ def line_of_map(file: Path) -> Path:
         raise MapError(f"--race {file}: {refused}")
     beside = file.with_name(file.stem + LINE_SUFFIX)
     if not beside.is_file():
-        raise MapError(f"--race {file}: no race line beside it; make one there: wallride line {file} -o {beside}")
+        raise MapError(f"--race {file}: no race line beside it; make one there: wallride line {file}")
     return beside
 
 

@@ -1,6 +1,7 @@
 """`wallride line` from the command line: its files, its figures, its errors."""
 
 import json
+import os
 from itertools import pairwise
 
 import numpy as np
@@ -38,6 +39,27 @@ def test_a_line_is_a_path_for_another_line_the_other_way_round(here, capsys):
     assert back["lap_s"] == pytest.approx(json.loads((here / "there.json").read_text())["lap_s"], rel=0.05)
     yaw_rad = [np.loadtxt(here / name, delimiter=";")[:, 3] for name in ("there.csv", "back.csv")]
     assert np.sign([np.unwrap(yaw)[-1] - yaw[0] for yaw in yaw_rad]).tolist() in ([1, -1], [-1, 1])
+
+
+def test_the_line_goes_beside_its_map_and_never_over_the_line_of_another(here, capsys, monkeypatch):
+    cells = np.full((80, 120), 254, np.uint8)
+    cells[[0, -1]] = cells[:, [0, -1]] = cells[25:55, 25:95] = 0
+    maps = here / "maps"
+    maps.mkdir()
+    (maps / "lab.pgm").write_bytes(b"P5 120 80 255\n" + cells.tobytes())
+    (maps / "lab.yaml").write_text("image: lab.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n")
+    assert cli.main(["line", "maps/lab.yaml"]) == 0
+    assert "written: maps/lab.line.csv, maps/lab.line.png" in capsys.readouterr().out
+    assert sorted(path.name for path in here.iterdir()) == ["maps"]
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    for _ in range(2):  # the second time over the first, which is of this map
+        assert cli.main(["line", "maps/lab.yaml"]) == 0
+    assert "written: lab.line.csv, lab.line.png" in capsys.readouterr().out
+    mine = (here / "lab.line.csv").read_text()
+    (maps / "lab.yaml").write_text("image: lab.pgm\nresolution: 0.1\norigin: [0, 0.5, 0]\n")
+    assert cli.main(["line", "maps/lab.yaml"]) == 2
+    assert "maps takes no file, and lab.line.csv here is the line of another map: name one" in capsys.readouterr().err
+    assert (here / "lab.line.csv").read_text() == mine
 
 
 def test_a_line_tells_whether_it_goes_round_against_the_lap_of_its_map(here):
