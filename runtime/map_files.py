@@ -161,7 +161,8 @@ def read_map(path: Path, occupancy: Callable[[MapSettings], Floats] = read_pgm) 
     except MapError:
         raise
     except OSError as error:
-        raise MapError(f"{error.filename or path}: {error.strerror or error}") from error
+        words = f"{error.filename or path}: {error.strerror}" if error.errno is not None else str(error)
+        raise MapError(words) from error
     except ValueError as error:
         text = str(error)
         raise MapError(text if str(path.parent) in text else f"{path}: {text}") from error

@@ -252,7 +252,7 @@ def _check(options: argparse.Namespace) -> int:
     except (SettingsError, KeysError) as error:
         return fail(str(error))
     problems = unusable_paths(settings) + colliding_places(settings, [options.config or default_config()])
-    problems += _mistakes_of_own_code(settings)
+    problems += _mistakes_of_own_code(settings) + _mistakes_of_course(settings)
     if options.devices and not problems:
         problems = _device_problems(settings)
     for text in (*warnings, *problems):
@@ -319,6 +319,18 @@ def _without_a_line(settings: "Settings") -> tuple[str, ...]:
 
     words = why_no_line(settings.wall_follow, settings.map)
     return (f"{words}: the car follows the wall",) if words else ()
+
+
+def _mistakes_of_course(settings: "Settings") -> list[str]:
+    """Return why the car would not start with its map and line."""
+    from wallride.runtime.line_files import read_course
+    from wallride.runtime.map_files import MapError
+
+    try:
+        read_course(settings.map, settings.car)
+    except MapError as error:
+        return [str(error)]
+    return []
 
 
 def _saved_limits(file: Path | None) -> tuple[str, ...]:

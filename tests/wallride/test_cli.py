@@ -199,6 +199,11 @@ def test_a_map_without_room_for_a_car_is_named_and_no_option(tmp_path, capsys):
     assert "wallride: the start in tiny: the car would stand in a wall" in capsys.readouterr().err
 
 
+def test_a_map_that_is_not_there_is_said_before_the_start(tmp_path, capsys):
+    assert main(["check", "--set", f"map.file={tmp_path / 'away.yaml'}"]) == 2
+    assert f"wallride: no map file {tmp_path / 'away.yaml'}; give" in capsys.readouterr().err
+
+
 LINE = "wall_follow.method=line"
 NO_MAP = 'wall_follow.method = "line" follows the race line of a map, and map.file names none'
 

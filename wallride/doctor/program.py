@@ -10,6 +10,8 @@ from wallride.runtime.control.laws import own_law_mistakes
 from wallride.runtime.control.own_laws.law_class import loaded_files
 from wallride.runtime.host.ownership import changed_by_others
 from wallride.runtime.kernel import state
+from wallride.runtime.line_files import read_course, why_no_line
+from wallride.runtime.map_files import MapError
 from wallride.runtime.settings.tree import Settings
 
 WANTED: Final = "/etc/systemd/system/multi-user.target.wants/wallride.service"
@@ -24,8 +26,22 @@ def check_program(computer: Computer, settings: Settings) -> list[Finding]:
         judge_kernel(kernel.words, complete=not kernel.in_python),
         *(fail("own laws", mistake, "correct the law; wallride check names the place") for mistake in mistakes),
         *(warn("own laws", words, remedy) for words, remedy in laws_open_to_others()),
+        *check_course(settings),
         _service(computer),
     ]
+
+
+def check_course(settings: Settings) -> list[Finding]:
+    """Look at the map and its line, where the settings name a map or a law that needs one."""
+    try:
+        course = read_course(settings.map, settings.car)
+    except MapError as error:
+        return [fail("map", str(error), "correct map.file and map.line: the car does not start with them")]
+    if words := why_no_line(settings.wall_follow, settings.map):
+        return [warn("map", f"{words}: the car follows the wall", "docs/racing.md")]
+    if course is None:
+        return []
+    return [ok("map", f"{course.name}, {'with' if course.line is not None else 'without'} a race line")]
 
 
 def laws_open_to_others() -> list[tuple[str, str]]:

@@ -5,6 +5,9 @@ from datetime import UTC, datetime
 
 import pytest
 
+from tests.runtime.control.line_following.lines import circle
+from tests.runtime.test_line_files import text
+from tests.runtime.test_map_files import box, write
 from tests.wallride.doctor.fakes import NOW, PAD, ROUTES, changed, healthy, link, put, settings, usb
 from wallride.doctor.access import check_access
 from wallride.doctor.condition import check_condition
@@ -13,7 +16,7 @@ from wallride.doctor.findings import Level, worst
 from wallride.doctor.joystick import check_joystick
 from wallride.doctor.network import check_network
 from wallride.doctor.ports import check_ports
-from wallride.doctor.program import check_program, judge_kernel
+from wallride.doctor.program import check_course, check_program, judge_kernel
 
 USB_LIDAR = "lidar.address=serial:///dev/wallride-lidar"
 
@@ -41,6 +44,26 @@ def holds(*files):
 
 def routes(text):
     return holds(("proc/net/route", text))
+
+
+def test_the_map_and_its_line_are_looked_at(tmp_path):
+    lab, line = write(tmp_path, box()), "wall_follow.method=line"
+    named = f"map.file={lab}"
+    assert check_course(settings()) == []
+
+    def found(*chosen):
+        (one,) = check_course(settings(*chosen))
+        return one.level, one.words
+
+    assert found(named) == (Level.OK, "m, without a race line")
+    assert found(named, line)[0] is Level.WARN
+    assert "make it: wallride line" in found(named, line)[1]
+    assert found(line)[0] is Level.WARN
+    lab.with_name("m.line.csv").write_text(text(circle()))
+    assert found(named, line) == (Level.OK, "m, with a race line")
+    assert found(named, f"map.line={tmp_path / 'away.csv'}")[0] is Level.FAIL
+    assert found(f"map.file={tmp_path / 'away.yaml'}")[0] is Level.FAIL
+    assert "map" in [one.subject for one in check_program(healthy(tmp_path / "one"), settings(named))]
 
 
 @pytest.mark.parametrize(
