@@ -97,10 +97,15 @@ class LiveView:
 
 def lap_words(race: Mapping[str, Any]) -> str:
     """Return the lap of a race and how the last one was, "" where no line is driven."""
-    if not race or not race["laps"]:
-        return "lap 1" if race else ""
+    if not race:
+        return ""
+    now = f"lap {race['laps'] + 1}"
+    if not math.isfinite(math.nan if (began_s := race.get("began_s")) is None else began_s):
+        now = f"not on the line yet; {now} follows"
+    if not race["laps"]:
+        return now
     times = f"the last one {race['time_s']:.2f} s, the best {race['best_s']:.2f} s"
-    return f"lap {race['laps'] + 1}; {times}; {100 * race['rms_m']:.1f} cm from the line (rms)"
+    return f"{now}; {times}; {100 * race['rms_m']:.1f} cm from the line (rms)"
 
 
 def starting(record: Record) -> str:

@@ -203,8 +203,9 @@ function poseWords(pose) {
   return `on ${pose.map}: x ${number(pose.x_m, 2)} m, y ${number(pose.y_m, 2)} m, ${number((180 / Math.PI) * pose.yaw_rad, 0)}°, known to ${number(100 * pose.std_m, 0)} cm${fits}`;
 }
 
-function raceWords({ laps, time_s: last, best_s: best, rms_m: rms, p99_m: p99, speed_share: share }) {
-  const now = `lap ${laps + 1}, at ${number(100 * share, 0)} % of the line's speed`;
+function raceWords({ laps, time_s: last, best_s: best, rms_m: rms, p99_m: p99, began_s: began, speed_share: share }) {
+  const speed = `at ${number(100 * share, 0)} % of the line's speed`;
+  const now = Number.isFinite(began) ? `lap ${laps + 1}, ${speed}` : `not on the line yet; lap ${laps + 1} will be ${speed}`;
   return laps ? `${now}; the last one ${number(last, 2)} s, the best ${number(best, 2)} s; ${number(100 * rms, 1)} cm from the line (rms), ${number(100 * p99, 0)} cm in 99 % of it` : now;
 }
 

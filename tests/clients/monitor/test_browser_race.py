@@ -94,6 +94,9 @@ async def test_laps_are_told_and_hidden_where_no_line_is_driven(scene, tab):
         )
         racing(car, race={**RACE, "laps": 0, "speed_share": 0.6, "best_s": None, "time_s": None})
         await tab.until(f"{RACE_WORDS} === 'lap 1, at 60 % of the line\\'s speed'")
+        unknown = {"whereabouts": "ambiguous", "x_m": None, "y_m": None, "yaw_rad": None, "std_m": None}
+        racing(car, **unknown, race={**RACE, "laps": 0, "speed_share": 0.6, "began_s": None, "time_s": None})
+        await tab.until(f"{RACE_WORDS} === 'not on the line yet; lap 1 will be at 60 % of the line\\'s speed'")
         car.pose = {key: value for key, value in POSE.items() if key != "race"}
         await tab.until("!document.querySelector('#line-race').checkVisibility()")
 

@@ -281,8 +281,10 @@ def test_what_is_copied_is_never_broken(width):
 
 
 def test_a_race_has_a_row_with_its_laps_and_another_drive_has_none():
-    race = {"laps": 2, "time_s": 7.25, "best_s": 7.0, "rms_m": 0.021}
+    race = {"laps": 2, "time_s": 7.25, "best_s": 7.0, "rms_m": 0.021, "began_s": 100.0}
     said = "lap 3; the last one 7.25 s, the best 7.00 s; 2.1 cm from the line (rms)"
-    assert (lap_words(race), lap_words({"laps": 0, "time_s": None}), lap_words({})) == (said, "lap 1", "")
+    assert (lap_words(race), lap_words({"laps": 0, "began_s": 9.0}), lap_words({})) == (said, "lap 1", "")
+    for began_s in (None, math.nan):
+        assert lap_words({"laps": 0, "began_s": began_s}) == "not on the line yet; lap 1 follows"
     assert ("race", said) in status_rows(replace(STATUS, race=said))
     assert "race" not in dict(status_rows(STATUS))
