@@ -78,6 +78,9 @@ def _add_pose(commands: Commands) -> None:
     pose.add_argument(
         "--anywhere", action="store_true", help="search the whole map, not first where the map's lap began"
     )
+    pose.add_argument(
+        "--tum", action="store_true", help="write the trajectory as TUM's text, too, for evo, beside the poses: *.tum"
+    )
     add_json(pose, "the figures")
     pose.set_defaults(run=partial(replay_options.run_offline, "wallride.sim.mapping.pose_command", extra="map"))
 

@@ -47,12 +47,20 @@ def add(commands: Commands) -> None:
         help="emulated lidar: a UST-10LX, an RPLIDAR (A1) or YDLIDAR (X4), or a model of these"
         " (default: that of lidar.driver)",
     )  # fmt: skip
-    sim.add_argument("--recording", type=Path, metavar="FILE", help="play a real recording through the emulated lidar")
-    add_json(sim, "the summary")
-    sim.add_argument("--plot", type=picture, metavar="FILE.png", help="draw the path and the error over time")
+    _add_files(sim)
     add_conditions(
         sim.add_argument_group("conditions", "floor, lidar faults and obstacles; keys change them while it drives")
     )
+
+
+def _add_files(sim: argparse.ArgumentParser) -> None:
+    sim.add_argument("--recording", type=Path, metavar="FILE", help="play a real recording through the emulated lidar")
+    add_json(sim, "the summary")
+    sim.add_argument(
+        "--tum", type=writable_path, metavar="FILE.tum",
+        help="write the true trajectory as TUM's text, for evo: in the world, with --race on the map",
+    )  # fmt: skip
+    sim.add_argument("--plot", type=picture, metavar="FILE.png", help="draw the path and the error over time")
 
 
 def add_conditions(group: "argparse._ArgumentGroup") -> None:

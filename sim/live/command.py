@@ -12,13 +12,14 @@ from typing import Any
 
 from rich.console import Console
 
-from wallride.runtime.host.output_files import write_answer
+from wallride.runtime.host.output_files import write_answer, write_file
 from wallride.runtime.host.user_module import UserCodeError
 from wallride.runtime.line_files import why_no_line
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.car.vehicle import Vehicle, VehicleSettings
 from wallride.sim.devices import lidar_kinds
 from wallride.sim.figures.comparison import compare
+from wallride.sim.figures.tum import tum_text
 from wallride.sim.live.asked_scene import SimUsageError, build_scene, wishes
 from wallride.sim.live.drive_summary import (
     HEARD,
@@ -193,6 +194,8 @@ def _drive(
         "conditions": conditions.changed(),
         "changed_while_driving": live.done + len(record.changes),
     }
+    if options.tum is not None:
+        write_file(options.tum, tum_text(record.trajectory(origin if race is not None else Pose(0.0, 0.0, 0.0))))
     if options.plot is not None:
         plot_drive(options.plot, world, record, settings)
     return summary
@@ -203,8 +206,10 @@ def _fleet(
     consoles: tuple[Console, Console], *, is_scenario: bool,
 ) -> int:  # fmt: skip
     """Drive several cars. consoles: for progress, and for the answer."""
-    if options.pose or options.laps or options.plot or options.recording is not None or is_scenario:
-        raise SimUsageError("--cars: goes with a world and --duration; not with a scenario, --pose, --laps or --plot")
+    if options.pose or options.laps or options.plot or options.tum or options.recording is not None or is_scenario:
+        raise SimUsageError(
+            "--cars: goes with a world and --duration; not with a scenario, --pose, --laps, --plot or --tum"
+        )
     conditions = conditions_of(wishes(options))
     try:
         with stop.loading():

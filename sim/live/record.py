@@ -1,8 +1,9 @@
 """What one simulated drive leaves behind: newest values, sums, and a thinned track, however long it lasts."""
 
+import cmath
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,6 +15,7 @@ from wallride.runtime.parameters.history import SettingChange
 from wallride.sim.devices.vesc import MotorDemand
 from wallride.sim.figures.summary import DriveSums, Sample
 from wallride.sim.live.latency import HeldUp, LatencyProbe
+from wallride.sim.world.pose import Pose
 
 DISTANCE = "wall_follow.desired_distance_m"
 MAX_TRACK = 20_000
@@ -110,6 +112,13 @@ class Record:
         track = [(one.time_s, one.x_m, one.y_m, one.speed_mps) for one in self.track.samples]
         poses = [(stamp_s - self.began_s, x_m, y_m) for stamp_s, x_m, y_m in self.poses]
         return np.array(track).reshape(-1, 4), np.array(poses).reshape(-1, 3)
+
+    def trajectory(self, origin: Pose) -> Iterator[tuple[float, float, float, float]]:
+        """Yield the time since 1970 and the true pose, x, y and yaw, of each sample, seen from an origin."""
+        turn = cmath.exp(-1j * origin.yaw_rad)
+        for one in self.track.samples:
+            place_m = turn * complex(one.x_m - origin.x_m, one.y_m - origin.y_m)
+            yield self.began_unix_s + one.time_s, place_m.real, place_m.imag, one.yaw_rad - origin.yaw_rad
 
     def wanted_m(self) -> Callable[[float], float]:
         """Return the function that tells the distance that was wanted at a time of the drive."""

@@ -10,8 +10,9 @@ from typing import IO, Any, Final
 import numpy as np
 
 from wallride.runtime.control.localization.localizer import Whereabouts
-from wallride.runtime.host.output_files import write_answer, write_files
+from wallride.runtime.host.output_files import Content, write_answer, write_files
 from wallride.runtime.map_files import WALLS_SUFFIX, CarMap, MapError, read_map
+from wallride.sim.figures.tum import SUFFIX, tum_text
 from wallride.sim.mapping.lap_record import LapRecord, own_log, read_record, record_of_log, wheel_words
 from wallride.sim.mapping.map_output import ABOUT, empty_picture
 from wallride.sim.mapping.own_poses import line_of, own_poses
@@ -53,15 +54,19 @@ def run(options: argparse.Namespace) -> int:
         told |= {"own_poses": own.recorded, "own_poses_same": own.same}
     output: Path = options.output or Path(f"{options.file.stem}.pose.csv")
     picture = output.with_suffix(".png")
-    write_files({
+    files: dict[Path, Content] = {
         output: text_of(found, f"pose by wallride of {record.name} on {known.name}"),
         picture: lambda file: save_picture(file, known, found, f"{record.name} on {known.name}"),
-    })  # fmt: skip
+    }
+    if options.tum:
+        files[output.with_suffix(SUFFIX)] = _trajectory(found, record.unix_s + float(record.scan_s[0]))
+    write_files(files)
     write_answer(json.dumps(told) + "\n", options.json)
     if options.json != "-":
         against = "; ".join(told["reasons"])
         verdict = f"doubtful: {against}. Is the map of this place, as it is now?" if against else "good"
-        for line in (*summary(record, known, found, told), f"written: {output}, {picture}", f"verdict: {verdict}"):
+        written = ", ".join(map(str, files))
+        for line in (*summary(record, known, found, told), f"written: {written}", f"verdict: {verdict}"):
             print(line)  # noqa: T201 - this is the command's answer
     return 0 if not told["reasons"] else NOT_TRUSTED
 
@@ -162,6 +167,12 @@ def save_picture(file: IO[bytes], known: CarMap, found: PoseTrack, title: str) -
     figure.colorbar(drawn, label="standard deviation of the position [cm]")
     axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
     figure.savefig(file, dpi=120)
+
+
+def _trajectory(found: PoseTrack, begin_s: float) -> str:
+    return tum_text(
+        (begin_s + time_s, *pose) for time_s, pose in zip(found.time_s.tolist(), found.poses.tolist(), strict=True)
+    )
 
 
 def _nowhere(found: PoseTrack) -> Iterator[str]:

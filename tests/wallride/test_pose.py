@@ -14,7 +14,7 @@ from wallride.runtime.line_files import read_line
 from wallride.runtime.map_files import read_map
 from wallride.runtime.wire import topics
 from wallride.sim.mapping import pose_command
-from wallride.sim.replay.drive_log import decode, read_log
+from wallride.sim.replay.drive_log import NS, decode, read_log
 from wallride.sim.replay.reenact import reenact
 
 FOLLOW = {"wall_follow": {"speed_mps": 4.0}}
@@ -67,13 +67,17 @@ def test_the_rows_of_a_car_with_the_map_are_its_own(folder, here, monkeypatch):
     map_ = folder / "lab.yaml"
     record(here / "own.mcap", seconds=2.0, sections={"map": {"file": str(map_)}}, known=read_map(map_))
     monkeypatch.setattr(pose_command, "track", lambda *_: pytest.fail("the drive is found anew"))
-    assert cli.main(["pose", "own.mcap", str(map_)]) == 0
+    assert cli.main(["pose", "own.mcap", str(map_), "--tum"]) == 0
     log = read_log(here / "own.mcap")
     own = [decode(message).pose.pose.position.x for message in log.of(topics.POSE)]
     rows = [float(line.split("; ")[1]) for line in (here / "own.pose.csv").read_text().splitlines()[2:]]
     found = [x_m for x_m in rows if np.isfinite(x_m)]
     assert len(own) > 50
     assert found[: len(own)] == pytest.approx(own, abs=1e-4)
+    trajectory = np.loadtxt(here / "own.pose.tum")
+    assert trajectory[:, 1] == pytest.approx(found, abs=1e-4)
+    stamps_s = [message.stamp_ns / NS for message in log.of(topics.POSE)]
+    assert trajectory[: len(own), 0] == pytest.approx(stamps_s, abs=1e-4), "the time since 1970, as of its topics"
     with pytest.raises(pytest.fail.Exception):
         cli.main(["pose", "own.mcap", str(map_), "--anywhere"])
 

@@ -5,6 +5,7 @@ import cmath
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tests.runtime.control.line_following.lines import circle
@@ -14,6 +15,7 @@ from wallride.runtime.line_files import AGAINST_LAP
 from wallride.runtime.map_files import fingerprint
 from wallride.runtime.settings.tree import SettingsError
 from wallride.sim.figures.summary import Sample
+from wallride.sim.figures.tum import tum_text
 from wallride.sim.live.record import Record
 from wallride.sim.racing.race import Race, in_world, race_figures, take_race, trajectory_errors_m, with_lap, world_words
 from wallride.sim.world.pose import Pose
@@ -153,6 +155,21 @@ def test_the_line_is_the_lap():
     assert world.lap.length_m == pytest.approx(circle().length_m, abs=0.05)
     turn = cmath.exp(0.5j)
     assert complex(*world.lap.points_m[0]) == pytest.approx(complex(2.0, -1.0) + 3.0 * turn, abs=1e-4)
+
+
+def test_the_true_trajectory_is_told_on_the_map():
+    record = Record(began_unix_s=1000.0)
+    record.note(Sample(0.5, START.x_m, START.y_m, START.yaw_rad, 2.0, 1.0, 1.0))
+    ahead = START.ahead(2.0, 0.0)
+    record.note(Sample(1.5, ahead.x_m, ahead.y_m, ahead.yaw_rad + math.pi / 2, 2.0, 1.0, 1.0))
+    record.note(Sample(2.5, math.nan, 0.0, 0.0, 2.0, 1.0, 1.0))
+    head, *rows = tum_text(record.trajectory(START)).splitlines()
+    assert head == "# timestamp tx ty tz qx qy qz qw"
+    told = np.array([list(map(float, row.split())) for row in rows])
+    half = math.sqrt(0.5)
+    assert told == pytest.approx(
+        np.array([[1000.5, 0, 0, 0, 0, 0, 0, 1], [1001.5, 2, 0, 0, 0, 0, half, half]]), abs=1e-6
+    )
 
 
 def test_errors_of_line_and_trajectory():
