@@ -40,7 +40,7 @@ from wallride.sim.live.screen import LiveView, address_in, operate_hint, port_no
 from wallride.sim.live.session import USAGE_ERROR, RuntimeStart, SessionError, SimulatorSession, innermost
 from wallride.sim.live.stop_request import StopRequest
 from wallride.sim.live.user_code import UserCode
-from wallride.sim.racing.race import Race, race_figures, take_race, world_words
+from wallride.sim.racing.race import Race, race_figures, sees_its_lap, take_race, world_words
 from wallride.sim.recordings import RecordingError, load_recording
 from wallride.sim.scenario.command import tell
 from wallride.sim.scenario.conditions import Conditions, ConditionsError, conditions_of
@@ -48,6 +48,7 @@ from wallride.sim.scenario.driven import judge, mistakes_after
 from wallride.sim.scenario.scenario_file import Scenario
 from wallride.sim.scenario.simulated_car import find_config, saved_settings
 from wallride.sim.scenario.toml_lines import FileMistakeError
+from wallride.sim.world.place import World
 from wallride.sim.world.pose import Pose
 from wallride.sim.world.worlds import is_map, load_world
 
@@ -172,6 +173,8 @@ def _drive(
     if options.laps and world.lap is None:
         raise SimUsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
     duration_s = options.duration or (options.laps * MAX_LAP_S if options.laps else DEFAULT_DURATION_S)
+    if race is not None and not sees_its_lap(world, vehicle.pose):
+        console.print("wallride: the car begins outside of the course: it sees no part of the line", soft_wrap=True)
     live, began = LiveConditions(vehicle, scene, conditions), vehicle.pose
     origin = race.origin_in(world) if race is not None and chosen is None else began
     attach: dict[str, Any] = {"on_devices": chosen.attach} if chosen is not None else {}
@@ -194,11 +197,16 @@ def _drive(
         "conditions": conditions.changed(),
         "changed_while_driving": live.done + len(record.changes),
     }
+    _write_drive(options, settings, record, world, origin if race is not None else Pose(0.0, 0.0, 0.0))
+    return summary
+
+
+def _write_drive(options: argparse.Namespace, settings: Settings, record: Record, world: World, origin: Pose) -> None:
+    """Write what was asked for of a drive. origin: of its trajectory."""
     if options.tum is not None:
-        write_file(options.tum, tum_text(record.trajectory(origin if race is not None else Pose(0.0, 0.0, 0.0))))
+        write_file(options.tum, tum_text(record.trajectory(origin)))
     if options.plot is not None:
         plot_drive(options.plot, world, record, settings)
-    return summary
 
 
 def _fleet(

@@ -129,6 +129,15 @@ def _text(file: Path) -> str:
         raise MapError(f"--race {file}: cannot be read ({error})") from None
 
 
+def sees_its_lap(world: World, pose: Pose) -> bool:
+    """Return whether any part of a world's lap is in sight of a car: from outside of the course none is."""
+    if world.lap is None:
+        return True
+    x_m, y_m = (world.lap.points_m - (pose.x_m, pose.y_m)).T
+    free_m = world.cast(pose.x_m, pose.y_m, np.arctan2(y_m, x_m))
+    return bool(np.any(free_m > np.hypot(x_m, y_m)))
+
+
 def with_lap(world: World, race: Race) -> World:
     """Return the world with a race's line as its lap."""
     places = in_world(race.line, race.origin_in(world))

@@ -17,7 +17,16 @@ from wallride.runtime.settings.tree import SettingsError
 from wallride.sim.figures.summary import Sample
 from wallride.sim.figures.tum import tum_text
 from wallride.sim.live.record import Record
-from wallride.sim.racing.race import Race, in_world, race_figures, take_race, trajectory_errors_m, with_lap, world_words
+from wallride.sim.racing.race import (
+    Race,
+    in_world,
+    race_figures,
+    sees_its_lap,
+    take_race,
+    trajectory_errors_m,
+    with_lap,
+    world_words,
+)
 from wallride.sim.world.pose import Pose
 from wallride.sim.world.worlds import load_world
 
@@ -155,6 +164,14 @@ def test_the_line_is_the_lap():
     assert world.lap.length_m == pytest.approx(circle().length_m, abs=0.05)
     turn = cmath.exp(0.5j)
     assert complex(*world.lap.points_m[0]) == pytest.approx(complex(2.0, -1.0) + 3.0 * turn, abs=1e-4)
+
+
+@pytest.mark.parametrize(("pose", "is_seen"), [("-3,3,0", True), ("0,0,0", False), ("-7,0,0", False)])
+def test_a_car_outside_of_the_course_is_told(pose, is_seen):
+    """The course is the corridor of the loop, and (0, 0) lies in its block."""
+    world = load_world("loop")
+    assert sees_its_lap(world, Pose(*map(float, pose.split(",")))) is is_seen
+    assert sees_its_lap(replace(world, lap=None), Pose(0.0, 0.0, 0.0))
 
 
 def test_the_true_trajectory_is_told_on_the_map():
