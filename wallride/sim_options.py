@@ -32,7 +32,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     sim.add_argument(
         "--race", type=Path, metavar="MAP.yaml",
-        help="drive the race line beside a map of `wallride map`, in the world that it was made of, from where its lap"
+        help="drive the race line of a map of `wallride map`, in the world that its lap was driven in, from where that"
         " began",
     )  # fmt: skip
     sim.add_argument("--laps", type=int, metavar="N", help="stop after N laps")
@@ -40,7 +40,7 @@ def add(commands: Commands) -> None:
         "--put-back", action="store_true",
         help="put a car that touched something back to its start within 3 s and drive on, instead of ending the drive",
     )  # fmt: skip
-    sim.add_argument("--pose", metavar="X,Y,THETA", help="start pose of the rear axle [m, m, rad]")
+    sim.add_argument("--pose", metavar="X,Y,THETA", help="start pose of the rear axle in the world [m, m, rad]")
     sim.add_argument("--seed", type=at_least(0), default=0, metavar="N", help="seed of all noise (default: 0)")
     sim.add_argument(
         "--lidar", choices=LIDARS,
@@ -85,7 +85,7 @@ def add_conditions(group: "argparse._ArgumentGroup") -> None:
     )
     group.add_argument(
         "--obstacle", action="append", default=[], metavar="TEXT",
-        help='"box at=3,1", "box ahead=1.5 after=4", "person at=3,-1 walks=0,0.8" (repeatable)',
+        help='"box at=3,1" (in the world), "box ahead=1.5 after=4", "person at=3,-1 walks=0,0.8" (repeatable)',
     )  # fmt: skip
     add_car(group)
 
