@@ -13,6 +13,7 @@ from wallride.runtime.control.localization.line_field import LineField
 from wallride.runtime.control.localization.place_search import ALIKE, Place, PlaceSearch
 from wallride.runtime.control.localization.pose_filter import Fit, PoseFilter, WheelStep
 from wallride.runtime.control.localization.scan_points import AxleMotion, ScanPoints, scan_points
+from wallride.runtime.control.localization.turn_check import TurnCheck
 from wallride.runtime.control.localization.wheel_steps import LONGEST_S, WheelSteps
 from wallride.runtime.control.vehicle import CarSettings
 
@@ -86,6 +87,7 @@ class Localizer:
         self._searching: Iterator[list[Place] | None] | None = None
         self._whereabouts = Whereabouts.SEARCHING
         self._alike: tuple[tuple[float, float, float], ...] = ()
+        self._turns = TurnCheck()
         self._misfits: deque[bool] = deque(maxlen=LOST_SCANS)
         self._stamp_s = math.nan
         self._speed_mps = 0.0  # as the map has shown it last
@@ -150,10 +152,18 @@ class Localizer:
             middle_rad = yaw_rad + 0.5 * math.remainder(after_yaw_rad - yaw_rad, math.tau)
             way_m = (after_x_m - x_m) * math.cos(middle_rad) + (after_y_m - y_m) * math.sin(middle_rad)
             self._speed_mps = way_m / since_s
-        if self._is_lost(fit):
+        self._note_turn(step, math.remainder(after_yaw_rad - yaw_rad, math.tau))
+        if self._is_lost(fit) or self._turns.contradicts(fit.share):
             self._lose()
             return PoseEstimate(scan.stamp_s, Whereabouts.LOST, share=fit.share)
         return self._estimate(scan, fit.share)
+
+    def _note_turn(self, step: WheelStep, turned_rad: float) -> None:
+        if step.steering_rad is None:
+            self._turns.begin()
+            return
+        way_m = self._filter.scale * step.way_m
+        self._turns.take(way_m, turned_rad, way_m * math.tan(step.steering_rad) / self._car.wheelbase_m)
 
     def _is_lost(self, fit: Fit) -> bool:
         if fit.on_wall + fit.before + fit.beyond >= LEAST_BEAMS:
@@ -225,6 +235,7 @@ class Localizer:
         )
         self._whereabouts, self._alike = Whereabouts.LOCATED, ()
         self._misfits.clear()
+        self._turns.begin()
         self._speed_mps = 0.0
         return self._estimate(scan, likely[0].score)
 

@@ -178,6 +178,23 @@ def test_people_over_half_of_the_view_are_no_evidence_either(furnished):
     assert at(last) == pytest.approx(START, abs=0.02)
 
 
+@pytest.mark.parametrize(("steers", "lost"), [(-1.0, False), (1.0, True)])
+def test_a_pose_that_turns_the_other_way_than_the_wheels_is_lost(steers, lost):
+    """Among people, who leave a share of beams that a place where the scene is alike has, too."""
+    room, radius_m = Room([(-1.0, -1.0, 11.0, 7.0)], [(8.0, -1.0, 9.0, 0.0)]), 2.5
+    legs, whereabouts = np.arange(BEAMS) // 80 % 2 == 0, set()
+    localizer = Localizer(field_of_cells(room.cells), CAR, (5.0, 5.5, 0.0))
+    for number in range(100):  # a circle to the right
+        stamp_s, turn = number * PERIOD_S, 0.05 * number / radius_m
+        pose = 5.0 + radius_m * math.sin(turn), 3.0 + radius_m * math.cos(turn), -turn
+        scan = room.scan(pose, stamp_s=stamp_s, noise_m=0.01, seed=number, number=number)
+        scan = replace(scan, ranges_m=np.where(legs, np.minimum(scan.ranges_m, 0.5), scan.ranges_m))
+        steering_rad = steers * math.atan(CAR.wheelbase_m / radius_m)
+        whereabouts.add(localizer.take(scan, report(stamp_s, 0.05 * number, 2.0, steering_rad)).whereabouts)
+    assert Whereabouts.LOCATED in whereabouts
+    assert (Whereabouts.LOST in whereabouts) is lost
+
+
 def test_it_rolls_on_with_the_wheels_and_without_their_reports(furnished):
     room, field = furnished
     for reports in (True, False):
