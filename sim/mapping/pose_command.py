@@ -25,8 +25,8 @@ from wallride.sim.world.pose import Floats
 NOT_TRUSTED: Final = 1
 """Exit code of a drive that was not found on the map, or so badly that the map is not of that place."""
 LEAST_LOCATED, LEAST_FITS, MOST_LOSSES = 0.5, 0.7, 2
-"""Least shares of the scans and of their beams, and the most losses: a drive on its map has 1.0, 0.98 and none, with
-people over half of the view 0.6 of the beams at times; on another map it has 0.1 to 0.8, 0.6 and two to ten."""
+"""Least shares of the scans that are not ambiguous, and of their beams, and the most losses: a drive on its map has 1,
+0.98 and none, with people over half of the view 0.6 of the beams at times; on another map 0.1 to 0.8, 0.6 and ten."""
 MAP_SUFFIXES: Final = (".yaml", ".yml")
 SHOWN_CM: Final = 10.0
 """Standard deviation from which on the picture's colour is the same."""
@@ -75,7 +75,9 @@ def figures(found: PoseTrack, path: Floats | None) -> dict[str, Any]:
     """Return the figures of a drive by name. path: (n, 4) time [s] and pose of the map's lap, if it is this drive."""
     located = found.located
     told: dict[str, Any] = {
-        "scans": len(found.estimates), "located": int(located.sum()), "way_m": round(found.way_m, 2),
+        "scans": len(found.estimates), "located": int(located.sum()),
+        "ambiguous": sum(one.whereabouts is Whereabouts.AMBIGUOUS for one in found.estimates),
+        "way_m": round(found.way_m, 2),
         "losses_s": [round(time_s, 2) for time_s in found.losses_s], "scale": round(found.scale, 4),
     }  # fmt: skip
     if located.any():
@@ -129,7 +131,8 @@ def summary(record: LapRecord, known: CarMap, found: PoseTrack, told: dict[str, 
 
 def reasons_against(told: dict[str, Any]) -> Iterator[str]:
     """Yield what speaks against the poses of a drive, by its figures."""
-    if told["located"] < LEAST_LOCATED * told["scans"]:
+    known = told["scans"] - told["ambiguous"]  # a map that looks alike from two places may well be the right one
+    if not told["located"] or told["located"] < LEAST_LOCATED * known:
         yield f"located at {told['located']} of {told['scans']} scans"
     if told.get("fits", 1.0) < LEAST_FITS:
         yield f"only {100 * told['fits']:.0f} % of the beams fit"

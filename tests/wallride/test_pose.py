@@ -150,10 +150,12 @@ def test_another_building_is_told(folder, here, capsys):
         ({"fits": 0.72, "losses_s": [1.0, 2.0], "located": 900}, []),
         ({"fits": 0.64, "losses_s": [1.0] * 10}, ["only 64 % of the beams fit", "lost 10 times"]),
         ({"located": 137}, ["located at 137 of 1601 scans"]),
+        ({"located": 600, "ambiguous": 1001}, []),  # two places looked alike for a while
+        ({"located": 0, "ambiguous": 1601}, ["located at 0 of 1601 scans"]),
     ],
 )
 def test_what_speaks_against_the_poses_of_a_drive(figures, reasons):
-    told = {"scans": 1601, "located": 1601, "fits": 0.98, "losses_s": [], **figures}
+    told = {"scans": 1601, "located": 1601, "ambiguous": 0, "fits": 0.98, "losses_s": [], **figures}
     assert list(pose_command.reasons_against(told)) == reasons
 
 
