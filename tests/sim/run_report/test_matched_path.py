@@ -34,7 +34,7 @@ def test_places_are_the_scans_and_not_the_odometrys(driven):
     run = run_of(log)
     found = matched_path(log, replace(run, path=drifting(run)))
     assert np.hypot(found.x_m[-1] - x_m, found.y_m[-1] - y_m) < 0.3
-    assert np.hypot(run.path.x_m[-1] - x_m, run.path.y_m[-1] - y_m) > 0.4, "the odometry's own"
+    assert np.hypot(run.path.x_m[-1] - x_m, run.path.y_m[-1] - y_m) > 0.35, "the odometry's own"
     assert np.array_equal(found.speed_mps, run.path.speed_mps)
     assert "By matched scans, with the walls" in page(shown(replace(run, path=found)))
     assert spans(shown(replace(run, path=found, duration_s=200.0))) == spans(shown(run)), "it needs no parts"

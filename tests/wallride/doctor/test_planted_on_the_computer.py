@@ -5,8 +5,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from tests.runtime.control.line_following.lines import circle
-from tests.runtime.test_line_files import text
+from tests.runtime.test_line_files import in_the_box
 from tests.runtime.test_map_files import box, write
 from tests.wallride.doctor.fakes import NOW, PAD, ROUTES, changed, healthy, link, put, settings, usb
 from wallride.doctor.access import check_access
@@ -59,7 +58,7 @@ def test_the_map_and_its_line_are_looked_at(tmp_path):
     assert found(named, line)[0] is Level.WARN
     assert "make it: wallride line" in found(named, line)[1]
     assert found(line)[0] is Level.WARN
-    lab.with_name("m.line.csv").write_text(text(circle()))
+    lab.with_name("m.line.csv").write_text(in_the_box())
     assert found(named, line) == (Level.OK, "m, with a race line")
     assert found(named, f"map.line={tmp_path / 'away.csv'}")[0] is Level.FAIL
     assert found(f"map.file={tmp_path / 'away.yaml'}")[0] is Level.FAIL
