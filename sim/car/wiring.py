@@ -58,10 +58,8 @@ class WiringConversion:
 
     def allowed_rad(self, asked_rad: float) -> float:
         """Return the commanded angle as the driver reports it: within the servo's limits."""
-        own, servo = self._configured, self._servo(asked_rad)
-        if servo == own.steering_to_servo_gain * asked_rad + own.steering_to_servo_offset:
-            return asked_rad
-        return (servo - own.steering_to_servo_offset) / own.steering_to_servo_gain
+        right_rad, left_rad = self._configured.servo_ends_rad
+        return min(max(asked_rad, right_rad), left_rad)
 
     def _servo(self, asked_rad: float) -> float:
         own = self._configured

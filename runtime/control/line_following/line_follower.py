@@ -122,8 +122,9 @@ class LineFollower:
             if self._settings.without_pose == "stop":
                 return replace(self._by_wall(by_wall, STOPPED), drive=None)
             return self._by_wall(by_wall, UNKNOWN)
-        tyres = self._tyres().slipping(pose.slip_s2pm)
-        self._bound_by_grip(pose.slip_s2pm)
+        assumed = self._tyres()
+        tyres = assumed.slipping(pose.slip_s2pm)
+        self._bound_by_grip(assumed, pose.slip_s2pm)
         now = Moving(
             complex(pose.x_m, pose.y_m), pose.yaw_rad, motor.speed_mps * pose.scale, pose.turn_radps, self._trim.rad
         )
@@ -137,9 +138,8 @@ class LineFollower:
         guidance = self._along(scan, now, line, tyres, pose.scale)
         return replace(guidance, promise=self._promise(scan.stamp_s, since_s, now, line, tyres, pose.scale))
 
-    def _bound_by_grip(self, slip_s2pm: float) -> None:
+    def _bound_by_grip(self, assumed: Tyres, slip_s2pm: float) -> None:
         """Drive a smaller share of the line's speed where the floor has less grip than the line was planned for."""
-        assumed = self._tyres()
         observed_mu = assumed.floor_mu(slip_s2pm)
         known = observed_mu < assumed.mu and self._line_mps2 > 0.0
         most = math.sqrt(GRIP_USED * observed_mu * GRAVITY_MPS2 / self._line_mps2) if known else math.inf
