@@ -14,6 +14,7 @@ from wallride.runtime.control.localization.localizer import Localizer
 from wallride.runtime.control.localization.wall_points import MapGrid
 from wallride.runtime.control.method_settings import WallFollowSettings
 from wallride.runtime.control.perception.geometry import Floats
+from wallride.runtime.control.safety.promised_way import MOTOR_BRAKE_MPS2
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.map_files import CarMap, MapError, fingerprint, read_map
 from wallride.runtime.settings.pose_map import PoseMapSettings
@@ -71,10 +72,20 @@ def read_line(path: Path, map_file: Path | None = None) -> CourseLine:
             f" {table[place, 0]:g} m it is {steps_m[place]:.3g} m. {AGAIN}"
         )
     along_m = np.concatenate([[0.0], np.cumsum(steps_m)[:-1]])
-    line = CourseLine(places, along_m, table[:, 3], table[:, 4], table[:, 5], float(steps_m.sum()), is_against_lap)
+    speed_mps = _braked_mps(table[:, 5], steps_m)
+    line = CourseLine(places, along_m, table[:, 3], table[:, 4], speed_mps, float(steps_m.sum()), is_against_lap)
     if why_not := _contradiction(line, steps_m):
         raise MapError(f"{path}: {why_not}. {AGAIN}")
     return line
+
+
+def _braked_mps(speed_mps: Floats, steps_m: Floats) -> Floats:
+    """Return the speeds (n,) of a line, lowered where no motor brakes for the next ones, as in a drawn line."""
+    fallen_m2ps2 = 2.0 * MOTOR_BRAKE_MPS2 * np.cumsum(np.tile(steps_m, 2))
+    square = np.tile(speed_mps, 2)[1:] ** 2 + fallen_m2ps2[:-1]
+    least = np.minimum.accumulate(square[::-1])[::-1]
+    most_mps = np.sqrt(least[: speed_mps.size] - fallen_m2ps2[: speed_mps.size] + 2.0 * MOTOR_BRAKE_MPS2 * steps_m)
+    return np.where(most_mps < speed_mps, most_mps, speed_mps)
 
 
 def _contradiction(line: CourseLine, steps_m: Floats) -> str:

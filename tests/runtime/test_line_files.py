@@ -5,6 +5,7 @@ import pytest
 
 from tests.runtime.control.line_following.lines import circle
 from tests.runtime.test_map_files import box, round_the_box, write
+from wallride.runtime.control.safety.promised_way import MOTOR_BRAKE_MPS2
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.line_files import AGAINST_LAP, read_course, read_line
 from wallride.runtime.map_files import MapError, fingerprint, walls_text
@@ -27,6 +28,16 @@ def test_a_line_is_read_as_it_was_written(tmp_path):
     assert line.length_m == pytest.approx(circle().length_m, abs=0.01)
     assert line.curvature_at(2.0) == pytest.approx(1 / 3.0, abs=1e-4)
     assert line.speed_at(2.0) == 2.0
+
+
+def test_speeds_that_no_motor_brakes_for_are_lowered_before_the_slow_place(tmp_path):
+    drawn_mps = np.where(np.abs(circle().along_m - 6.0) < 0.2, 1.0, 6.0)
+    path = tmp_path / "lab.line.csv"
+    path.write_text(text(circle(), v=drawn_mps))
+    line = read_line(path)
+    fallen_mps2 = (line.speed_mps**2 - np.roll(line.speed_mps, -1) ** 2) / (2.0 * line.length_m / line.along_m.size)
+    assert fallen_mps2.max() == pytest.approx(MOTOR_BRAKE_MPS2, rel=0.01)
+    assert (line.speed_mps == drawn_mps)[(line.along_m > 5.8) | (line.along_m < 2.0)].all()
 
 
 def in_the_box(speed_mps=2.0, shift=0.0):
