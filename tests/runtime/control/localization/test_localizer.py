@@ -74,6 +74,14 @@ def test_a_start_at_another_place_is_searched_for(furnished):
     assert at(last) == pytest.approx(ELSEWHERE, abs=0.03)
 
 
+@pytest.mark.parametrize("corner", [(10.0, 0.0, math.pi / 2), (9.8, 0.3, 1.6)])
+def test_a_corner_that_looks_like_the_start_is_not_taken_for_it(furnished, corner):
+    room, field = furnished
+    first, *_, last = stand(Localizer(field, CAR, START, search_parts=WHOLE), room, corner, scans=3)
+    assert first.whereabouts is Whereabouts.LOCATED
+    assert at(last) == pytest.approx(corner, abs=0.02)
+
+
 def test_places_that_look_alike_are_said_and_not_guessed(plain):
     room, field = plain
     last = stand(Localizer(field, CAR, None, search_parts=WHOLE), room, (9.9, 0.2, 0.5), scans=4)[-1]
