@@ -31,6 +31,9 @@ FADES_S = 3.0
 AGREES_M, AGREES_RAD, TURN_ERROR_RADPM = 0.06, 0.05, 0.14
 """How far a new promise may be beside an earlier one: noise of the pose, of its heading, and the odometry's turn, which
 errs by the metre: a trim of 0.02 rad is 0.06 of it, tyres of 0.7 of the usual stiffness in a bend nearly as much."""
+SHIFT_M = 0.10
+"""How much farther a pose that is corrected at once may shift a path: the margin is wider by that, and so covers both
+paths. Beyond it the path was taken back."""
 
 LEFT = "it left its path"
 TAKEN_BACK = "it took its path back"
@@ -112,8 +115,12 @@ class PromiseRecord(NamedTuple):
         off_m = max(*now_m, self.off_m * math.exp((self.here.stamp_s - here.stamp_s) / FADES_S))
         if any(off > one.margin_m for off, one in zip(now_m, given, strict=True)):
             return self.restarted(here, LEFT)._replace(off_m=off_m)
-        if any(_takes_back(here, path_m, one) for one in (given[0], given[-1])):
+        shift_m = max(_shift_m(here, path_m, one) for one in (given[0], given[-1]))
+        if shift_m > SHIFT_M:
             return self.restarted(here, TAKEN_BACK)._replace(off_m=off_m)
+        if shift_m > 0.0:
+            off_m = max(off_m, LEAST_MARGIN_M + shift_m)
+            given = tuple(one._replace(margin_m=max(one.margin_m, off_m + SPARE_M)) for one in given)
         new = Given(here, path_m, self._replace(off_m=off_m).margin_m(said_m))
         kept_m = self.kept_m + abs(here.way_m - given[-1].here.way_m)
         return self._replace(given=(*given, new), here=here, kept_m=kept_m, off_m=off_m, reason="")
@@ -159,13 +166,13 @@ def _kept_m(here: DrivenPlace, given: Given) -> float:
     return max(0.0, off_m - ODOMETRY_SHARE * abs(here.way_m - given.here.way_m))
 
 
-def _takes_back(here: DrivenPlace, path_m: Places, given: Given) -> bool:
-    """Whether a new path leaves an earlier one, as far as both reach."""
+def _shift_m(here: DrivenPlace, path_m: Places, given: Given) -> float:
+    """Return how far a new path is beside an earlier one, as far as both reach, less what pose and odometry may err."""
     apart_m = _beside_m(path_m, given.path_m)
     way_m = abs(here.way_m - given.here.way_m)
     known_m = AGREES_M + ODOMETRY_SHARE * way_m
     angle_rad = AGREES_RAD + TURN_ERROR_RADPM * way_m
-    return bool((apart_m > known_m + angle_rad * np.abs(path_m - here.at_m)).any())
+    return float((apart_m - known_m - angle_rad * np.abs(path_m - here.at_m)).max())
 
 
 def _beside_m(points_m: Places, path_m: Places) -> Floats:

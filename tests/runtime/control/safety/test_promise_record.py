@@ -7,6 +7,7 @@ import pytest
 
 from wallride.runtime.control.safety.promise_record import (
     KEPT_S,
+    LEAST_MARGIN_M,
     LEFT,
     NO_PROMISES,
     TAKEN_BACK,
@@ -73,6 +74,22 @@ def test_the_noise_of_a_pose_takes_nothing_back():
         record = record.after(here, here.in_frame_m(noisy), 0.02)
         assert not record.reason
     assert record.trusts(here)
+
+
+@pytest.mark.parametrize(("shift_m", "every", "trusted"), [(0.16, 40, True), (0.16, 2, False), (0.3, 40, False)])
+def test_a_pose_that_is_corrected_at_once_widens_the_margin_over_both_paths(shift_m, every, trusted):
+    record, aside_m = kept(40)[0], 0.0
+    for number in range(40, 60):
+        line_m = shift_m * (1 + (number - 40) // every)
+        here = place(number)._replace(at_m=0.025 * number * 3.0 + 1j * aside_m)
+        back_m = AHEAD_M + 1j * (line_m - (line_m - aside_m) * np.exp(-2.0 * AHEAD_M.real))
+        record = record.after(here, here.at_m.real + back_m, 0.02)
+        if record.reason:
+            break
+        assert record.margin_m(0.02) > LEAST_MARGIN_M + 0.01
+        aside_m = line_m - (line_m - aside_m) * np.exp(-2.0 * 0.075)
+    assert record.trusts(here) == trusted
+    assert (record.reason == "") == trusted
 
 
 @pytest.mark.parametrize(
