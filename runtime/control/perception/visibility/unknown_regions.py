@@ -2,7 +2,7 @@
 
 A wall across the path would be visible beside an unproven sector, as far as that sector's neighbours see; nothing is
 visible in a blind one. A person may stand in an unproven gap, and may step into a doubted one, which has just become
-silent. Widths and the crawl: `docs/decisions/0015-visibility.md`.
+silent. Widths and the crawl: `docs/laws.md`, Visibility.
 """
 
 import math

@@ -6,7 +6,7 @@ scan is transformed by odometry), or the wall beside it leads out of range. It i
 the last scan, are missing over 15 degrees at once, or where the edge of the silence moves with the car although walls
 emerge from it. Everything else is *unproven*, as all silence is at the start, until the next echo.
 
-`unknown_regions` turns this into regions that the car's outline must not reach. Thresholds:
+`unknown_regions` turns this into regions that the car's outline must not reach. Reasons:
 `docs/decisions/0015-visibility.md`.
 """
 
