@@ -5,7 +5,7 @@ and the module's own tests run against the changed one, in a forked process that
 that no test notices survives; those that are no fault are explained in `EQUAL`. Exit code 1 when fewer than 95 % of
 the others are killed.
 
-A target takes a minute of a core, beside other work three; the counts are in benchmarks/README.md.
+A target takes a minute of a core, beside other work three; the number of mutants is in benchmarks/README.md.
 """
 
 import argparse
