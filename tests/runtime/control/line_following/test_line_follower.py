@@ -143,7 +143,7 @@ def test_against_the_line_it_follows_the_wall(room):
 
 def test_a_way_through_the_block_is_not_taken(room):
     line = replace(round_the_block(), places_m=round_the_block().places_m + 3.0j)
-    last = answers(follower(room[1], line=line), room[0], (4.0, -0.4, 0.0))[-1]
+    last = answers(follower(room[1], line=line, start=(4.0, -0.4, 0.0)), room[0], (4.0, -0.4, 0.0))[-1]
     assert last.reason == line_follower.BLOCKED
 
 
