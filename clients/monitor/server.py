@@ -163,21 +163,20 @@ async def run(options: argparse.Namespace) -> int:
         keys=options.keys, config=options.config,
     )  # fmt: skip
     port = options.default_port if options.port is None else options.port
-    async with serving(host, options.host, port, any_port=options.port is None) as served:
-        url = served + view
+    async with contextlib.AsyncExitStack() as stack:
+        served = await stack.enter_async_context(serving(host, options.host, port, any_port=options.port is None))
+        url, stop = served + view, asyncio.Event()
+        stack.enter_context(stopping(stop))  # before the address is told: what is opened then is removed
         options.print_line(f"the monitor is at {url}")
         if not is_loopback(options.host):
             options.print_line("with this address anyone can drive the car; it goes over the network unencrypted")
             if code := qr_lines(url):
                 options.print_line(code)
-        async with contextlib.AsyncExitStack() as stack:
-            stop = asyncio.Event()
-            stack.enter_context(stopping(stop))  # before the browser has the address: what it opened is removed
-            await stack.enter_async_context(telling_what_is_awaited(lambda: relay.problem))
-            if options.browser:
-                address = stack.enter_context(handed_over(url))
-                await asyncio.to_thread(_open_browser, address, options.print_line)
-            await stop.wait()
+        await stack.enter_async_context(telling_what_is_awaited(lambda: relay.problem))
+        if options.browser:
+            address = stack.enter_context(handed_over(url))
+            await asyncio.to_thread(_open_browser, address, options.print_line)
+        await stop.wait()
     return 0
 
 

@@ -49,7 +49,7 @@ TYPED = {
     "wallride status": ({}, {0}, ["gates"]),
     "wallride param save": ({}, {0}, []),
     "wallride teleop": ({"ready": STOP}, {0}, ["hold"]),
-    "wallride monitor": ({"the monitor is at": STOP}, {0, 130}, ["http://"]),
+    "wallride monitor": ({"the monitor is at": STOP}, {0}, ["http://"]),
     "wallride calibrate": ({"to drive; let go": STOP}, {130}, []),
     "wallride calibrate lidar": ({"to drive; let go": STOP}, {130}, []),
 }  # fmt: skip

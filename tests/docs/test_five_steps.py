@@ -87,7 +87,6 @@ CODES = {
     "wallride doctor": {0, 1, 2},
     "wallride doctor --only motor": {0, 1, 2},
     "wallride calibrate": {130},
-    "wallride monitor": {130},
 }
 """Of the doctor only the findings on the emulated car count: this computer is no car's."""
 PATIENCE_S = 60.0
