@@ -82,6 +82,29 @@ def test_a_corner_that_looks_like_the_start_is_not_taken_for_it(furnished, corne
     assert at(last) == pytest.approx(corner, abs=0.02)
 
 
+@pytest.mark.parametrize("pose", [(3.5, 0.0, 0.0), (4.5, -0.2, 0.1), (5.0, 6.0, math.pi), (7.5, 0.0, math.pi)])
+def test_another_place_in_a_corridor_as_wide_is_not_taken_for_the_start(furnished, pose):
+    room, field = furnished
+    last = stand(Localizer(field, CAR, START, search_parts=WHOLE), room, pose, scans=4)[-1]
+    places = [at(last)] if last.whereabouts is Whereabouts.LOCATED else last.alike
+    away_m = [math.hypot(x_m - pose[0], y_m - pose[1]) for x_m, y_m, _ in places]
+    assert min(away_m) < 0.1, "the true one, or it is among those that are said to be alike"
+    assert min(math.hypot(x_m, y_m) for x_m, y_m, _ in places) > 1.0, "the start"
+
+
+def test_a_start_among_people_is_compared_with_the_whole_map_and_taken(furnished):
+    room, field = furnished
+    localizer = Localizer(field, CAR, START)
+    legs = np.arange(BEAMS) // 80 % 2 == 0
+    found = []
+    for number in range(300):
+        scan = room.scan(START, stamp_s=number * PERIOD_S, noise_m=0.01, seed=number)
+        ranges_m = np.where(legs, np.minimum(scan.ranges_m, 0.5), scan.ranges_m)
+        found.append(localizer.take(replace(scan, ranges_m=ranges_m), report(scan.stamp_s)))
+    assert found[0].whereabouts is Whereabouts.SEARCHING
+    assert at(found[-1]) == pytest.approx(START, abs=0.03)
+
+
 def test_places_that_look_alike_are_said_and_not_guessed(plain):
     room, field = plain
     last = stand(Localizer(field, CAR, None, search_parts=WHOLE), room, (9.9, 0.2, 0.5), scans=4)[-1]
