@@ -17,7 +17,7 @@ from wallride.runtime.host.terminal_text import one_line, say
 from wallride.runtime.line_files import LINE_SUFFIX, check_course, read_line
 from wallride.runtime.map_files import MapError, refusal_of
 from wallride.runtime.parameters import file as settings_file
-from wallride.runtime.parameters.catalogue import Value, values
+from wallride.runtime.parameters.catalogue import Value, shown, values
 from wallride.runtime.parameters.file import StoreError
 from wallride.runtime.settings.tree import SettingsError, load_settings
 from wallride.runtime.wire.network import RefusedError
@@ -45,7 +45,10 @@ async def run(options: argparse.Namespace) -> int:
     async with connected(options, asks=True) as (bus, car):
 
         async def restart(question: Mapping[str, Any]) -> Mapping[str, Any]:
-            return await ask(bus, car, RESTART, SAVED_WITHIN_S, **question)
+            try:
+                return await ask(bus, car, RESTART, SAVED_WITHIN_S, **question)
+            except ConnectionProblemError as error:  # no answer; the file may be written by now, which is to be told
+                raise RefusedError(str(error)) from None
 
         try:
             told = (await ask(bus, car, "get", names=list(IDENTITY)))["values"]
@@ -63,35 +66,36 @@ async def race_along(file: Path, made: Path, line_mps: float, asked_mps: float, 
     """Write map and law into a car's settings file and start the car anew; return what was done, in sentences.
 
     made: the map. line_mps: highest speed of its line; asked_mps: that the car may reach. Raises: RefusedError and
-    StoreError with the reason, before anything was written.
+    StoreError with the reason, before anything was written; StoreError, too, where another program wrote after it.
     """
     await ask({"only_ask": True})
-    written = await asyncio.to_thread(save_race, file, made, asked_mps)
-    after = values(load_settings(file))
-    most_mps = min(float(str(after[name])) for name in LIMITS)
+    edits = race_edits(made, asked_mps)
+    await asyncio.to_thread(settings_file.save, file, edits, edits)
     try:
         await ask({})
     except RefusedError as error:
         restarted = f"It counts from the car's next start: sudo systemctl restart wallride ({error})."
     else:
         restarted = "The car starts anew, disarmed."
+    after = values(load_settings(file))
+    if others := [f"{name} = {shown(after.get(name))}" for name, value in edits.items() if after.get(name) != value]:
+        raise StoreError(f"{file} was changed by another program just now, and says {', '.join(others)}. {restarted}")
+    most_mps = min(float(str(after[name])) for name in LIMITS)
     then = "Carry it to where the lap began, and permit it to drive: along the wall until it is located, then the line"
     return (
-        written,
+        f'{file}: map.file and wall_follow.method = "line" written, for {asked_mps:.1f} m/s.',
         f"{restarted} {then}, faster from lap to lap.",
         *(_slower(most_mps, line_mps) if most_mps < line_mps else ()),
         'Back to the wall, while it stands: wallride param set wall_follow.method="ball", then  wallride param save',
     )
 
 
-def save_race(file: Path, made: Path, asked_mps: float) -> str:
-    """Write map, law and speed into a car's settings file; StoreError where it cannot take them."""
-    edits: dict[str, Value] = {
+def race_edits(made: Path, asked_mps: float) -> dict[str, Value]:
+    """Return map, law and speed as they stand in the settings file of a car that is to race."""
+    return {
         "map.file": str(made), "map.line": "", "wall_follow.method": "line",
         "wall_follow.speed_mps": round(asked_mps, 2),
     }  # fmt: skip
-    settings_file.save(file, edits, edits)
-    return f'{file}: map.file and wall_follow.method = "line" written, for {asked_mps:.1f} m/s.'
 
 
 def file_of(config: Path | None, told: Mapping[str, Any]) -> tuple[Path | None, str]:

@@ -31,15 +31,17 @@ Stage = Literal["none", "asking", "fetching", "mapping", "line", "good", "refuse
 class LapMap:
     """A map of a lap, from the press of the button on.
 
-    words: sentences on it, the most important first. pictures: by name. number: counts the maps, so that a browser
-    shows no older picture. map: its file, once it is good. file: the car's settings, where they can be written here.
-    lines: what to do by hand where they cannot. fastest_mps: of the line, 0.0 without one.
+    words: sentences on it, the most important first. refusal: why it was not raced along. pictures: by name.
+    number: counts the maps, so that a browser shows no older picture. map: its file, once it is good. file: the car's
+    settings, where they can be written here. lines: what to do by hand where they cannot. fastest_mps: of the line, 0.0
+    without one.
     """
 
     car: str = ""
     stage: Stage = "none"
     recording: str = ""
     words: tuple[str, ...] = ()
+    refusal: str = ""
     pictures: Mapping[str, Path] = field(default_factory=dict)
     number: int = 0
     map: Path | None = None
@@ -55,7 +57,8 @@ class LapMap:
     def fields(self) -> dict[str, Any]:
         """Return plain values for a page."""
         return {
-            "car": self.car, "stage": self.stage, "recording": self.recording, "words": list(self.words),
+            "car": self.car, "stage": self.stage, "recording": self.recording,
+            "words": [*filter(None, [self.refusal]), *self.words],
             "pictures": list(self.pictures), "number": self.number, "lines": self.lines,
             "can_be_raced": self.can_be_raced, "file": str(self.file or ""), "fastest_mps": self.fastest_mps,
         }  # fmt: skip

@@ -185,7 +185,7 @@ class LapMapper:
         self._tell("good", *words, sentence)
 
     async def _race_along(self, made: LapMap, source: LapSource, asked_mps: float) -> None:
-        self._tell("saving", *made.words)
+        self._now = replace(made, stage="saving", refusal="")
         if made.file is None or made.map is None:
             return
 
@@ -195,7 +195,7 @@ class LapMapper:
         try:
             words = await race_along(made.file, made.map, made.fastest_mps, asked_mps, restart)
         except EXPECTED as error:
-            self._tell("good", str(error), *made.words)
+            self._now = replace(made, refusal=str(error))
             return
         self._tell("saved", *words)
 

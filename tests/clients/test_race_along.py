@@ -1,6 +1,7 @@
 """`wallride param race`: map and law into the car's file, and the car starts anew; or a refusal, and the file stays."""
 
 import argparse
+import time
 
 import pytest
 
@@ -96,6 +97,24 @@ async def test_a_car_that_would_not_start_goes_on_and_says_why(made, car_toml, c
         assert await car.race(made, "--config", car_toml) == 0
     assert car.restarts == 0
     assert "systemctl restart wallride (no restart: the car would not start: no map file)" in capsys.readouterr().out
+
+
+async def test_a_car_that_does_not_answer_after_the_write_has_its_file_told(made, car_toml, capsys, monkeypatch):
+    monkeypatch.setattr(race_along, "SAVED_WITHIN_S", 0.5)
+    async with Car() as car:
+        car.check = lambda: time.sleep(1.0)
+        assert await car.race(made, "--config", car_toml) == 0
+    said = capsys.readouterr().out
+    assert f"{car_toml}: map.file" in said
+    assert "systemctl restart wallride (car1 does not answer param/restart" in said
+
+
+async def test_of_two_who_write_at_once_none_is_told_the_other_s_speed(made, car_toml):
+    other = {"wall_follow.speed_mps": 5.0}
+    async with Car() as car:
+        car.check = lambda: race_along.settings_file.save(car_toml, other, other)
+        with pytest.raises(ConnectionProblemError, match=r"another program just now, .* wall_follow\.speed_mps = 5"):
+            await car.race(made, "--config", car_toml, "--speed", "4")
 
 
 async def test_a_map_without_a_line_and_another_car_s_file_are_named(made, car_toml, tmp_path):

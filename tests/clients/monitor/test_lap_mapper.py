@@ -130,6 +130,17 @@ async def test_a_car_that_drives_is_told_by_name_and_its_file_stays(tmp_path, ca
     assert car_toml.read_text() == FILE
 
 
+async def test_of_two_refusals_only_the_last_is_told(tmp_path, car_toml):
+    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+    about = (await bench.made())["words"]
+    bench.refusals = ["no restart: the e-stop is on", "car1 does not answer"]
+    for refusal in bench.refusals.copy():
+        bench.press("race")
+        assert (await bench.ended())["words"] == [refusal, *about]
+    bench.press("race")
+    assert (await bench.ended())["stage"] == "saved"
+
+
 async def test_a_car_that_does_not_start_itself_anew_is_for_a_hand(tmp_path, car_toml):
     bench = Bench(recorded(tmp_path / "recordings"), car_toml)
     await bench.made()
