@@ -223,15 +223,6 @@ async def ask(host: Host, request: bytes) -> bytes:
     return host.payloads[-1]
 
 
-async def test_it_answers_what_it_was_told_to_report(vesc, host):
-    vesc.report(erpm=-2307.4, tachometer=-500, voltage_v=10.9, motor_current_a=-6.5)
-    values = replies.decode_values(await ask(host, codec.plain(Packet.GET_VALUES)))
-    assert values is not None
-    assert (values.erpm, values.tachometer, values.tachometer_abs) == (-2307, -500, 500)
-    assert (values.voltage_v, values.motor_current_a, values.status) == (10.9, -6.5, 0)
-    assert (await ask(host, codec.plain(Packet.FW_VERSION)))[:3] == bytes((0, 6, 5))
-
-
 async def test_the_tachometer_wraps_and_a_reboot_restarts_it(vesc, host):
     vesc.report(tachometer=2**31 + 5)
     values = replies.decode_values(await ask(host, codec.plain(Packet.GET_VALUES)))
@@ -242,21 +233,6 @@ async def test_the_tachometer_wraps_and_a_reboot_restarts_it(vesc, host):
     values = replies.decode_values(await ask(host, codec.plain(Packet.GET_VALUES)))
     assert values is not None
     assert (values.tachometer, values.tachometer_abs) == (3, 3)
-
-
-async def test_timeout_fault_and_kill_switch_show_in_the_values(vesc, host, time):
-    host.send(codec.set_erpm(4614))
-    await until(vesc.motor_wire)
-    time.now_s = 1.2
-    vesc.inject_fault(2)
-    vesc.kill_switch = True
-    values = replies.decode_values(await ask(host, codec.plain(Packet.GET_VALUES)))
-    assert values is not None
-    assert (values.fault_code, values.status) == (2, 3)
-    time.now_s, vesc.kill_switch = 1.8, False
-    values = replies.decode_values(await ask(host, codec.plain(Packet.GET_VALUES)))
-    assert values is not None
-    assert (values.fault_code, values.status) == (0, 1)
 
 
 async def test_the_servo_keeps_its_position_through_everything_but_a_reboot(vesc, host, time):
@@ -315,64 +291,13 @@ async def test_a_pulled_cable_fails_the_host_and_a_replug_has_the_same_name(vesc
     again.close()
 
 
-# The line's troubles.
-
-
-VALUES_FRAME_BYTES = 79
-
-
-async def answers(host: Host, size_bytes: int) -> int:
-    """Ask three times, wait until this many bytes have come, and return how many answers were in them."""
-    host.chunks.clear()
-    before = len(host.payloads)
-    for _ in range(3):
-        host.send(codec.plain(Packet.GET_VALUES))
-    await until(lambda: sum(map(len, host.chunks)) >= size_bytes)
-    if size_bytes == 0:
-        await asyncio.sleep(0.05)  # it is silence that is being looked for
-    host.payloads += host.deframer.give_up()
-    return len(host.payloads) - before
-
-
-async def test_silent(vesc, host):
-    vesc.silent = True
-    assert await answers(host, 0) == 0
-    await until(lambda: len(vesc.wire) == 3)
-    assert host.chunks == []
-    vesc.silent = False
-    assert await answers(host, 3 * VALUES_FRAME_BYTES) == 3
-
-
-async def test_garbage_and_bad_crc_are_bytes_but_no_answers(vesc, host):
-    vesc.garbage = True
-    assert await answers(host, 3 * VALUES_FRAME_BYTES) == 0
-    vesc.garbage, vesc.bad_crc = False, True
-    assert await answers(host, 3 * VALUES_FRAME_BYTES) == 0
-    assert host.deframer.bad_checksums == 3
-
-
-async def test_noise_and_dribbling_do_not_hide_the_answers(vesc, host, monkeypatch):
-    vesc.noise = True
-    assert await answers(host, 3 * (VALUES_FRAME_BYTES + 18)) == 3
-    vesc.noise, vesc.dribble = False, True
-    written: list[int] = []
-    write = vesc.write
-
-    def watched(data: bytes) -> None:
-        written.append(len(data))
-        write(data)
-
-    monkeypatch.setattr(vesc, "write", watched)
-    assert await answers(host, 3 * VALUES_FRAME_BYTES) == 3
-    assert written == [1] * 3 * VALUES_FRAME_BYTES  # the kernel may join them again
-
-
-async def test_deaf(vesc, host):
+async def test_a_deaf_controller_takes_what_was_sent_once_it_hears_again(vesc, host):
     vesc.deaf = True
-    assert await answers(host, 0) == 0
+    host.send(codec.plain(Packet.GET_VALUES))
+    await asyncio.sleep(0.05)
     assert len(vesc.wire) == 0
     vesc.deaf = False
-    await until(lambda: len(vesc.wire) == 3)
+    await until(lambda: len(vesc.wire) == 1)
 
 
 def test_closing_what_was_never_started_is_harmless(tmp_path):
