@@ -53,11 +53,6 @@ def follow(world: Any, scan: Any = None, car: Any = (0.0, 0.0, 0.0), width: int 
     return render_world(np.array(world), car, None if scan is None else np.array(scan), width, height, follow=True)
 
 
-def test_the_scale_of_the_tests() -> None:
-    assert FOLLOW_SPAN_M == 12.0
-    assert cells(follow(NO_WALLS), "→") == [(12, 24)]
-
-
 @pytest.mark.parametrize(
     ("wall", "expected"),
     [
@@ -194,10 +189,6 @@ def test_the_bar_is_as_long_as_it_says(width: int, height: int, bar: str) -> Non
     metres_per_cell = FOLLOW_SPAN_M / (height * 4) * 2
     line, length_m, _ = bar.split()
     assert line.count("─") + 2 == float(length_m) / metres_per_cell
-
-
-def test_the_same_input_gives_the_same_text() -> None:
-    assert follow(ROOM, ROOM[:, :2]) == follow(ROOM, ROOM[:, :2])
 
 
 STATUS = ViewStatus(12.3456, 1.02, -0.1, None, "SAFETY", "obstacle 0.6 m [ahead]", "ready, 40.0 Hz", "absent: no port")
