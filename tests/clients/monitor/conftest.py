@@ -5,6 +5,7 @@ from contextlib import asynccontextmanager
 import pytest
 
 from tests.clients.monitor.fake_car import FakeCar
+from tests.clients.monitor.operating import watching
 from wallride.runtime.wire import zenoh_config
 from wallride.runtime.wire.ports import free_endpoint
 
@@ -54,3 +55,11 @@ def runtime_folder(monkeypatch, tmp_path_factory):
 @pytest.fixture
 def scene():
     return Scene(free_endpoint())
+
+
+@pytest.fixture
+async def car(scene, tab):
+    """A car whose page is open."""
+    async with scene.car() as car, scene.monitor():
+        await watching(tab, scene)
+        yield car

@@ -41,49 +41,45 @@ async def test_stop_brakes_the_car_at_once(scene, tab, way):
         promise(f"STOP by {way}", took_s, STOP_S)
 
 
-async def test_the_page_drives_by_touch_and_stops_when_the_finger_lifts(scene, tab):
-    async with scene.car() as car, scene.monitor():
-        await watching(tab, scene)
-        x, y = await tab.middle("#touch")
-        await tab.touch("touchStart", (x, y))
-        await tab.touch("touchMove", (x, y - 60))
-        await asyncio.sleep(0.3)
-        await tab.touch("touchEnd")
-        assert car.history[1:] == [], "nothing moves before control was taken"
-        await take_control(tab)
-        await drive_by_touch(tab, car)
-        lifted_s = time.monotonic()
-        await tab.touch("touchEnd")
-        await car.until(lambda: car.speed_mps == 0, "released means stop")
-        assert max(speed_mps for _, speed_mps in car.history) <= NORMAL_SHARE_MPS + 1e-3
-        promise("the lifted finger", car.stopped_at_s(lifted_s) - lifted_s, STOP_S)
+async def test_the_page_drives_by_touch_and_stops_when_the_finger_lifts(tab, car):
+    x, y = await tab.middle("#touch")
+    await tab.touch("touchStart", (x, y))
+    await tab.touch("touchMove", (x, y - 60))
+    await asyncio.sleep(0.3)
+    await tab.touch("touchEnd")
+    assert car.history[1:] == [], "nothing moves before control was taken"
+    await take_control(tab)
+    await drive_by_touch(tab, car)
+    lifted_s = time.monotonic()
+    await tab.touch("touchEnd")
+    await car.until(lambda: car.speed_mps == 0, "released means stop")
+    assert max(speed_mps for _, speed_mps in car.history) <= NORMAL_SHARE_MPS + 1e-3
+    promise("the lifted finger", car.stopped_at_s(lifted_s) - lifted_s, STOP_S)
 
 
-async def test_the_page_drives_with_the_keyboard_alone(scene, tab):
-    async with scene.car() as car, scene.monitor():
-        await watching(tab, scene)
-        await tab.run("document.querySelector('#drive').focus()")
-        await tab.call(
-            "Input.dispatchKeyEvent", type="keyDown", key="Enter", code="Enter", text="\r", windowsVirtualKeyCode=13
-        )
-        await tab.key("keyUp", "Enter")
-        await tab.until("document.querySelector('#pilot-state').textContent === 'ready'")
+async def test_the_page_drives_with_the_keyboard_alone(tab, car):
+    await tab.run("document.querySelector('#drive').focus()")
+    await tab.call(
+        "Input.dispatchKeyEvent", type="keyDown", key="Enter", code="Enter", text="\r", windowsVirtualKeyCode=13
+    )
+    await tab.key("keyUp", "Enter")
+    await tab.until("document.querySelector('#pilot-state').textContent === 'ready'")
 
-        async def hold():
-            await tab.key("keyDown", "ArrowUp")
-            await asyncio.sleep(0.1)
-            await tab.key("keyDown", "ArrowLeft")
+    async def hold():
+        await tab.key("keyDown", "ArrowUp")
+        await asyncio.sleep(0.1)
+        await tab.key("keyDown", "ArrowLeft")
 
-        async def let_go():
-            await tab.key("keyUp", "ArrowLeft")
-            await tab.key("keyUp", "ArrowUp")
-
-        await insist(
-            car, hold, let_go, lambda: car.speed_mps > 0.3 and (car.decision.steering_rad or 0) > 0.2,
-            "the arrow keys drive and steer to the left",
-        )  # fmt: skip
+    async def let_go():
+        await tab.key("keyUp", "ArrowLeft")
         await tab.key("keyUp", "ArrowUp")
-        await car.until(lambda: car.speed_mps == 0, "released means stop")
+
+    await insist(
+        car, hold, let_go, lambda: car.speed_mps > 0.3 and (car.decision.steering_rad or 0) > 0.2,
+        "the arrow keys drive and steer to the left",
+    )  # fmt: skip
+    await tab.key("keyUp", "ArrowUp")
+    await car.until(lambda: car.speed_mps == 0, "released means stop")
 
 
 @pytest.mark.parametrize("permit", ["required", "always"])
@@ -143,23 +139,21 @@ async def test_one_operator_at_a_time_with_take_over(scene, tab):
             rival.cancel()
 
 
-async def test_an_e_stop_is_reset_deliberately(scene, tab):
-    async with scene.car() as car, scene.monitor():
-        await watching(tab, scene)
-        await tab.key("keyDown", " ", "Space")
-        await car.until(lambda: car.e_stop.latched, "stopped")
-        await tab.key("keyUp", " ", "Space")
-        assert await tab.run("document.querySelector('#reset').disabled")
-        await tab.click("#drive")
-        await tab.until("document.querySelector('#pilot-next').textContent.includes('reset')")
-        x, y = await tab.middle("#reset")
-        held_s = await insist(
-            car, lambda: tab.mouse("mousePressed", x, y), lambda: tab.mouse("mouseReleased", x, y),
-            lambda: not car.e_stop.latched, "reset",
-        )  # fmt: skip
-        await tab.mouse("mouseReleased", x, y)
-        assert held_s > 0.8
-        await tab.until("document.querySelector('#stop').dataset.state === 'ready'")
+async def test_an_e_stop_is_reset_deliberately(tab, car):
+    await tab.key("keyDown", " ", "Space")
+    await car.until(lambda: car.e_stop.latched, "stopped")
+    await tab.key("keyUp", " ", "Space")
+    assert await tab.run("document.querySelector('#reset').disabled")
+    await tab.click("#drive")
+    await tab.until("document.querySelector('#pilot-next').textContent.includes('reset')")
+    x, y = await tab.middle("#reset")
+    held_s = await insist(
+        car, lambda: tab.mouse("mousePressed", x, y), lambda: tab.mouse("mouseReleased", x, y),
+        lambda: not car.e_stop.latched, "reset",
+    )  # fmt: skip
+    await tab.mouse("mouseReleased", x, y)
+    assert held_s > 0.8
+    await tab.until("document.querySelector('#stop').dataset.state === 'ready'")
 
 
 async def test_a_gamepad_drives_and_stops(scene, tab):

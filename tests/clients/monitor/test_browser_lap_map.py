@@ -112,22 +112,20 @@ async def test_a_page_that_is_opened_later_shows_the_same_map(scene, tab, tmp_pa
         await tab.until(f"{WORDS}.includes('The map is good.') && {SHOWN}.join() === '1,1'")
 
 
-async def test_the_way_of_the_lap_is_told_outside_of_the_panel(scene, tab):
-    async with scene.car() as car, scene.monitor():
-        await watching(tab, scene)
-        assert not await tab.run("document.querySelector('#line-lap').checkVisibility()")
-        for x_m in range(9):
-            car.odom = {"x_m": x_m, "y_m": 0, "yaw_rad": 0}
-            await tab.until(f"wallride.link.newest.status.value.odom.x_m === {x_m}")
-        await tab.until("document.querySelector('#line-lap dd').innerText.startsWith('8 m of way')")
-        car.pose = {
-            "map": "lab",
-            "whereabouts": "located",
-            "x_m": 0,
-            "y_m": 0,
-            "yaw_rad": 0,
-            "std_m": 0.1,
-            "fits": 1,
-            "alike": [],
-        }
-        await tab.until("!document.querySelector('#line-lap').checkVisibility()")
+async def test_the_way_of_the_lap_is_told_outside_of_the_panel(tab, car):
+    assert not await tab.run("document.querySelector('#line-lap').checkVisibility()")
+    for x_m in range(9):
+        car.odom = {"x_m": x_m, "y_m": 0, "yaw_rad": 0}
+        await tab.until(f"wallride.link.newest.status.value.odom.x_m === {x_m}")
+    await tab.until("document.querySelector('#line-lap dd').innerText.startsWith('8 m of way')")
+    car.pose = {
+        "map": "lab",
+        "whereabouts": "located",
+        "x_m": 0,
+        "y_m": 0,
+        "yaw_rad": 0,
+        "std_m": 0.1,
+        "fits": 1,
+        "alike": [],
+    }
+    await tab.until("!document.querySelector('#line-lap').checkVisibility()")

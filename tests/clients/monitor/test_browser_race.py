@@ -58,11 +58,9 @@ def racing(car, **pose):
     }
 
 
-async def test_a_car_without_a_map_has_none_of_it(scene, tab):
-    async with scene.car(), scene.monitor():
-        await watching(tab, scene)
-        assert await tab.run(SHOWN) == [False, False, False]
-        assert not await tab.run("document.querySelector('#line-race').checkVisibility()")
+async def test_a_car_without_a_map_has_none_of_it(tab, car):
+    assert await tab.run(SHOWN) == [False, False, False]
+    assert not await tab.run("document.querySelector('#line-race').checkVisibility()")
 
 
 async def test_the_map_lies_where_the_car_sees_its_walls_and_the_line_has_its_speeds(scene, tab):
@@ -140,14 +138,12 @@ GHOST = """(() => {
 })()"""
 
 
-async def test_the_ghost_is_the_best_lap_that_was_seen_whole(scene, tab):
-    async with scene.car() as car, scene.monitor():
-        await watching(tab, scene)
-        car.publishing = False
-        await tab.until("document.querySelector('#view').dataset.old === 'true'")
-        firsts, length = await tab.run(GHOST)
-        assert firsts == pytest.approx([None, 0.1, 10.1, 10.1]), "after the lap of 8 s it is still that of 6 s"
-        assert length == pytest.approx(60, abs=1)
+async def test_the_ghost_is_the_best_lap_that_was_seen_whole(tab, car):
+    car.publishing = False
+    await tab.until("document.querySelector('#view').dataset.old === 'true'")
+    firsts, length = await tab.run(GHOST)
+    assert firsts == pytest.approx([None, 0.1, 10.1, 10.1]), "after the lap of 8 s it is still that of 6 s"
+    assert length == pytest.approx(60, abs=1)
 
 
 CARRIED = """(() => {
@@ -159,11 +155,9 @@ CARRIED = """(() => {
 })()"""
 
 
-async def test_the_map_is_drawn_by_the_pose_at_the_time_of_the_scan(scene, tab):
-    async with scene.car() as car, scene.monitor():
-        await watching(tab, scene)
-        car.publishing = False
-        await tab.until("document.querySelector('#view').dataset.old === 'true'")
-        pose = await tab.run(CARRIED)
-        assert (pose["x"], pose["y"]) == pytest.approx((1.45, 2.0))
-        assert pose["yaw"] == pytest.approx(-3.1 + (2 * math.pi - 6.2) / 2)
+async def test_the_map_is_drawn_by_the_pose_at_the_time_of_the_scan(tab, car):
+    car.publishing = False
+    await tab.until("document.querySelector('#view').dataset.old === 'true'")
+    pose = await tab.run(CARRIED)
+    assert (pose["x"], pose["y"]) == pytest.approx((1.45, 2.0))
+    assert pose["yaw"] == pytest.approx(-3.1 + (2 * math.pi - 6.2) / 2)

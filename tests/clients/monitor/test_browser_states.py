@@ -97,18 +97,16 @@ async def test_an_operator_who_was_lost_is_named_and_does_not_operate(scene, tab
         assert "nobody" not in await tab.run(OPERATOR)
 
 
-async def test_a_page_that_was_lost_and_is_ready_again_says_that_the_car_stands(scene, tab):
-    async with scene.car() as car, scene.monitor():
-        await watching(tab, scene)
-        await take_control(tab)
-        x, y = await tab.middle("#touch")
-        await tab.touch("touchStart", (x, y))
-        await car.until(lambda: car.desk.view().operator == "ann@laptop", "this page operates")
-        await tab.run("wallride.hands.abandon()")
-        await car.until(lambda: "lost" in str(car.desk.view().standing), "lost")
-        await tab.touch("touchEnd")
-        await take_control(tab)
-        await tab.until(f"{NEXT}.startsWith('the car stands; hold the drive pad')")
+async def test_a_page_that_was_lost_and_is_ready_again_says_that_the_car_stands(tab, car):
+    await take_control(tab)
+    x, y = await tab.middle("#touch")
+    await tab.touch("touchStart", (x, y))
+    await car.until(lambda: car.desk.view().operator == "ann@laptop", "this page operates")
+    await tab.run("wallride.hands.abandon()")
+    await car.until(lambda: "lost" in str(car.desk.view().standing), "lost")
+    await tab.touch("touchEnd")
+    await take_control(tab)
+    await tab.until(f"{NEXT}.startsWith('the car stands; hold the drive pad')")
 
 
 async def test_it_tells_this_page_from_another(scene, tab):
@@ -141,20 +139,18 @@ async def test_a_stop_without_a_link_goes_out_when_the_link_is_back(scene, tab):
             await car.until(lambda: car.e_stop.latched, "the STOP of before", within_s=15)
 
 
-async def test_a_page_that_is_opened_later_has_the_minutes_before_it(scene, tab):
-    async with scene.car(), scene.monitor():
-        await watching(tab, scene)
-        await asyncio.sleep(3)
-        await tab.go(scene.url)
-        ages = (
-            "Object.fromEntries(wallride.plots.strips.flatMap((strip) => strip.lines.map(({label, series}) => [label,"
-            " series.count ? performance.now() - series.t[series.at(series.count - 1)] : 0])))"
-        )
-        await tab.until("window.wallride && wallride.timings.count > 2")
-        found = await tab.run(ages)
-        assert set(found) == {"error", "asked", "sent", "driven", "scan to motor p99", "round trip"}
-        for label in ("error", "sent", "driven", "scan to motor p99"):
-            assert found[label] > 2500, f"{label} begins only {found[label]:.0f} ms ago"
+async def test_a_page_that_is_opened_later_has_the_minutes_before_it(scene, tab, car):
+    await asyncio.sleep(3)
+    await tab.go(scene.url)
+    ages = (
+        "Object.fromEntries(wallride.plots.strips.flatMap((strip) => strip.lines.map(({label, series}) => [label,"
+        " series.count ? performance.now() - series.t[series.at(series.count - 1)] : 0])))"
+    )
+    await tab.until("window.wallride && wallride.timings.count > 2")
+    found = await tab.run(ages)
+    assert set(found) == {"error", "asked", "sent", "driven", "scan to motor p99", "round trip"}
+    for label in ("error", "sent", "driven", "scan to motor p99"):
+        assert found[label] > 2500, f"{label} begins only {found[label]:.0f} ms ago"
 
 
 PHONES = {"upright": (390, 844), "sideways": (844, 390)}
@@ -255,69 +251,57 @@ async def test_what_clears_a_state_names_what_this_device_has(scene, tab, words)
         assert ("(R)" in await tab.run(NEXT)) == (words is DESK)
 
 
-async def test_a_human_whom_safety_does_not_bind_is_told_and_offered_the_switch(scene, tab):
-    async with scene.car() as car, scene.monitor():
-        await watching(tab, scene)
-        assert await tab.run("document.querySelector('#overruled').hidden")
-        car.overruled = {"speed_mps": 0.0, "reason": "braking: wall ahead", "measure": 0.4}
-        await tab.until("!document.querySelector('#overruled').hidden")
-        said = await tab.run("document.querySelector('#overruled-words').textContent")
-        assert said == "Safety says “braking: wall ahead”. It does not bind you."
-        await tab.click("#bind")
-        await car.until(lambda: car.settings.settings.safety.binds_teleop, "safety binds")
-        car.overruled = None
-        await tab.until("document.querySelector('#overruled').hidden")
+async def test_a_human_whom_safety_does_not_bind_is_told_and_offered_the_switch(tab, car):
+    assert await tab.run("document.querySelector('#overruled').hidden")
+    car.overruled = {"speed_mps": 0.0, "reason": "braking: wall ahead", "measure": 0.4}
+    await tab.until("!document.querySelector('#overruled').hidden")
+    said = await tab.run("document.querySelector('#overruled-words').textContent")
+    assert said == "Safety says “braking: wall ahead”. It does not bind you."
+    await tab.click("#bind")
+    await car.until(lambda: car.settings.settings.safety.binds_teleop, "safety binds")
+    car.overruled = None
+    await tab.until("document.querySelector('#overruled').hidden")
 
 
-async def test_a_computer_without_sensors_and_a_mux_without_a_decision_are_said_plainly(scene, tab):
-    async with scene.car() as car, scene.monitor():
-        await watching(tab, scene)
-        computer = "document.querySelector('#line-computer dd').textContent"
-        await tab.until(f"{computer} === 'no temperature sensor here; no throttling reported'")
-        car.computer = {"temperature_c": 51.4, "zone": "CPU-therm", "trouble": ""}
-        await tab.until(f"{computer} === '51 °C (CPU-therm); no throttling reported'")
-        car.computer = {**car.computer, "trouble": "the computer is slowed down (cpu): too hot, or a weak supply"}
-        await tab.until(
-            f"{computer} === '51 °C (CPU-therm); the computer is slowed down (cpu): too hot, or a weak supply'"
-        )
-        car.computer = {}
-        await tab.until(f"{computer} === 'not watched by this car'")
-        await tab.until("document.querySelector('#output-winner').textContent !== '–'")
-        assert "nobody" not in await tab.run("document.querySelector('#mux').innerText")
+async def test_a_computer_without_sensors_and_a_mux_without_a_decision_are_said_plainly(tab, car):
+    computer = "document.querySelector('#line-computer dd').textContent"
+    await tab.until(f"{computer} === 'no temperature sensor here; no throttling reported'")
+    car.computer = {"temperature_c": 51.4, "zone": "CPU-therm", "trouble": ""}
+    await tab.until(f"{computer} === '51 °C (CPU-therm); no throttling reported'")
+    car.computer = {**car.computer, "trouble": "the computer is slowed down (cpu): too hot, or a weak supply"}
+    await tab.until(f"{computer} === '51 °C (CPU-therm); the computer is slowed down (cpu): too hot, or a weak supply'")
+    car.computer = {}
+    await tab.until(f"{computer} === 'not watched by this car'")
+    await tab.until("document.querySelector('#output-winner').textContent !== '–'")
+    assert "nobody" not in await tab.run("document.querySelector('#mux').innerText")
 
 
-async def test_steering_is_in_degrees_and_no_number_is_bare(scene, tab):
-    async with scene.car(), scene.monitor():
-        await watching(tab, scene)
-        plots = await tab.run("document.querySelector('#strips').innerText")
-        assert "rad" not in plots
-        await tab.until("document.querySelector('#strips').innerText.includes('7.2°')")  # 0.125 rad
-        because = "import('./mux.js').then(({because}) => because({reason}, {measure}))"
-        for reason, measure, words in (
-            ("'boxed in'", "0.0", "boxed in"),
-            ("'wall ahead'", "0.314", "wall ahead, 0.31 m free"),
-            ("'the scan is too old'", "0.3", "the scan is too old, 0.30 s"),
-        ):
-            asked = because.replace("{reason}", reason).replace("{measure}", measure)
-            assert await tab.run(asked) == words
+async def test_steering_is_in_degrees_and_no_number_is_bare(tab, car):
+    plots = await tab.run("document.querySelector('#strips').innerText")
+    assert "rad" not in plots
+    await tab.until("document.querySelector('#strips').innerText.includes('7.2°')")  # 0.125 rad
+    because = "import('./mux.js').then(({because}) => because({reason}, {measure}))"
+    for reason, measure, words in (
+        ("'boxed in'", "0.0", "boxed in"),
+        ("'wall ahead'", "0.314", "wall ahead, 0.31 m free"),
+        ("'the scan is too old'", "0.3", "the scan is too old, 0.30 s"),
+    ):
+        asked = because.replace("{reason}", reason).replace("{measure}", measure)
+        assert await tab.run(asked) == words
 
 
-async def test_no_number_is_minus_nothing(scene, tab):
-    async with scene.car(), scene.monitor():
-        await watching(tab, scene)
-        for value, text in ((-0.0004, "0.000 m"), (-0.25, "−0.250 m"), (0.25, "0.250 m"), ("NaN", "–")):
-            assert await tab.run(f"import('./look.js').then(({{number}}) => number({value}, 3, ' m'))") == text
+async def test_no_number_is_minus_nothing(tab, car):
+    for value, text in ((-0.0004, "0.000 m"), (-0.25, "−0.250 m"), (0.25, "0.250 m"), ("NaN", "–")):
+        assert await tab.run(f"import('./look.js').then(({{number}}) => number({value}, 3, ' m'))") == text
 
 
-async def test_ticks_are_not_rounded(scene, tab):
-    async with scene.car(), scene.monitor():
-        await watching(tab, scene)
-        for low, high, labels in (
-            (0, 0.25, ["0.250", "0.125", "0.000"]),
-            (-0.1, 0.1, ["0.1", "0.0", "−0.1"]),
-            (0, 5, ["5.0", "2.5", "0.0"]),
-            (0, 200, ["200", "100", "0"]),
-            (-0.25, 0.25, ["0.25", "0.00", "−0.25"]),
-        ):
-            found = f"import('./plots.js').then(({{tickLabels}}) => tickLabels({low}, {high}))"
-            assert await tab.run(found) == labels
+async def test_ticks_are_not_rounded(tab, car):
+    for low, high, labels in (
+        (0, 0.25, ["0.250", "0.125", "0.000"]),
+        (-0.1, 0.1, ["0.1", "0.0", "−0.1"]),
+        (0, 5, ["5.0", "2.5", "0.0"]),
+        (0, 200, ["200", "100", "0"]),
+        (-0.25, 0.25, ["0.25", "0.00", "−0.25"]),
+    ):
+        found = f"import('./plots.js').then(({{tickLabels}}) => tickLabels({low}, {high}))"
+        assert await tab.run(found) == labels
