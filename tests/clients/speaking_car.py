@@ -1,12 +1,11 @@
 """A car that only talks: real telemetry on a real session, fed with the same scan for ever."""
 
-import argparse
 import asyncio
 import time
 from contextlib import asynccontextmanager
 
 from tests.runtime.observed import GUIDANCE, make_observed, output_of, scan_at, speak
-from wallride import topic_options
+from tests.typed import telling
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.realtime.wall_clock import WallClock
 from wallride.runtime.settings.telemetry import RatesHz
@@ -50,8 +49,4 @@ async def speaking_car(name="car1", rates=None, **verdict):
 
 def options(car, *arguments):
     """Return the options of a command line against a car, and the list that will hold what it says."""
-    parser = argparse.ArgumentParser()
-    topic_options.add(parser.add_subparsers())
-    parsed = parser.parse_args([*arguments, "--connect", car.endpoint])
-    parsed.print_line = (said := []).append
-    return parsed, said
+    return telling(*arguments, "--connect", car.endpoint)

@@ -1,14 +1,14 @@
 """The way to a car: found by its token, chosen by name, or one line that says what to do."""
 
-import argparse
 import asyncio
 import contextlib
 import re
+from functools import partial
 
 import pytest
 
 import wallride
-from wallride.client_options import add_common
+from tests.typed import typed
 from wallride.clients.connection import (
     ConnectionProblemError,
     check_session,
@@ -25,6 +25,8 @@ from wallride.runtime.wire.network import BYTES
 from wallride.runtime.wire.ports import free_endpoint
 from wallride.runtime.wire.teleop import Beat, CarCondition
 
+options = partial(typed, "status")
+
 
 @pytest.fixture
 async def car():
@@ -33,12 +35,6 @@ async def car():
     await bus.open()
     yield bus
     await bus.close()
-
-
-def options(*arguments):
-    parser = argparse.ArgumentParser()
-    add_common(parser)
-    return parser.parse_args(arguments)
 
 
 async def test_the_only_car_is_found_without_its_name(car):

@@ -1,6 +1,5 @@
 """`wallride logs` and `wallride record` against a car's recorder over a real session, and on files here."""
 
-import argparse
 import asyncio
 import contextlib
 import json
@@ -10,7 +9,7 @@ import time
 import pytest
 from mcap.writer import Writer
 
-from wallride import logs_options
+from tests.typed import typed
 from wallride.clients import logs
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.log_info import NS, describe
@@ -55,7 +54,7 @@ class Car:
         """Return exit code and lines of a command."""
         said = []
         here = "--local" in words or words[1] in {"info", "recover"}
-        options = parsed(*words, *(() if here else ("--connect", self.endpoint)))
+        options = typed(*words, *(() if here else ("--connect", self.endpoint)))
         options.print_line, options.progress = said.append, lambda *_: None
         program = logs.record if words[0] == "record" else logs.run
         return await program(options), "\n".join(said).splitlines()
@@ -70,12 +69,6 @@ class Car:
             )
         assert (await self.run("record", "stop"))[0] == 0
         return name
-
-
-def parsed(*words):
-    parser = argparse.ArgumentParser()
-    logs_options.add(parser.add_subparsers())
-    return parser.parse_args(words)
 
 
 async def test_a_recording_is_begun_ended_listed_fetched_read_and_deleted(tmp_path):
@@ -216,7 +209,7 @@ async def test_a_car_cannot_choose_where_files_are_written_here(tmp_path):
     bus.answer(topics.key("car1", LIST), lambda _: topics.encode({"folder": "/", "files": [file]}))
     bus.announce(topics.key("car1", topics.ALIVE))
     await bus.open()
-    options = parsed("logs", "get", "--connect", endpoint, "-o", str(tmp_path / "here"))
+    options = typed("logs", "get", "--connect", endpoint, "-o", str(tmp_path / "here"))
     with pytest.raises(ConnectionProblemError, match="not the name of a recording"):
         await logs.run(options)
     await bus.close()
@@ -278,4 +271,4 @@ def test_a_damaged_time_is_no_part_of_a_recordings_length(damaged_ns, tmp_path):
 def test_the_newest_to_get_is_a_drive_and_a_black_box_only_where_it_is_asked_for():
     files = [logs.ListedRecording(name, 1, name > "b", "", "whole") for name in ("a1", "a2", "b1")]
     for words, names in (((), ["a2"]), (("--last", "5"), ["a1", "a2"]), (("--black-boxes",), ["b1"])):
-        assert [one.name for one in logs._chosen(files, parsed("logs", "get", *words))] == names
+        assert [one.name for one in logs._chosen(files, typed("logs", "get", *words))] == names

@@ -1,11 +1,10 @@
 """`wallride logs` on this machine: a folder and a ring for each car, simulations apart, and what is kept for good."""
 
-import argparse
 from pathlib import Path
 
 import pytest
 
-from wallride import logs_options
+from tests.typed import telling
 from wallride.clients import logs
 from wallride.clients.connection import ConnectionProblemError
 from wallride.replay_options import found
@@ -29,11 +28,7 @@ def home(tmp_path, monkeypatch):
 
 
 async def said(*words):
-    parser = argparse.ArgumentParser()
-    logs_options.add(parser.add_subparsers())
-    options = parser.parse_args(["logs", *map(str, words)])
-    lines = []
-    options.print_line = lines.append
+    options, lines = telling("logs", *words)
     code = await logs.run(options)
     return code, "\n".join(lines)
 

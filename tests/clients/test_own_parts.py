@@ -1,10 +1,8 @@
 """`wallride own-parts` without a car: where the parts are kept is said with the remedy."""
 
-import argparse
-
 import pytest
 
-from wallride import param_options
+from tests.typed import typed
 from wallride.clients import own_parts
 from wallride.clients.connection import ConnectionProblemError
 from wallride.runtime.recording.own_parts_memory import FILE
@@ -13,9 +11,7 @@ from wallride.runtime.wire.ports import free_endpoint
 
 @pytest.mark.parametrize("action", ["show", "forget"])
 async def test_without_a_car_the_file_is_named(action):
-    parser = argparse.ArgumentParser()
-    param_options.add(parser.add_subparsers())
-    options = parser.parse_args(["own-parts", action, "--connect", free_endpoint()])
+    options = typed("own-parts", action, "--connect", free_endpoint())
     with pytest.raises(ConnectionProblemError, match=rf"cannot connect to .*{FILE} in process\.state_folder") as caught:
         await own_parts.run(options)
     assert "\n" not in str(caught.value)

@@ -1,11 +1,10 @@
 """The words of `wallride param`, and its questions to a desk over a real session."""
 
-import argparse
 import json
 
 import pytest
 
-from wallride import param_options
+from tests.typed import typed
 from wallride.clients import parameters
 from wallride.clients.connection import ConnectionProblemError
 from wallride.runtime.parameters.history import ChangeHistory
@@ -69,9 +68,7 @@ class Car:
         await self.bus.close()
 
     async def param(self, *words):
-        parser = argparse.ArgumentParser()
-        param_options.add(parser.add_subparsers())
-        return await parameters.run(parser.parse_args(["param", *words, "--connect", self.endpoint]))
+        return await parameters.run(typed("param", *words, "--connect", self.endpoint))
 
 
 async def test_a_session_with_a_car(tmp_path, capsys):

@@ -1,13 +1,12 @@
 """`wallride param race`: map and law into the car's file, and the car starts anew; or a refusal, and the file stays."""
 
-import argparse
 import time
 
 import pytest
 
 from tests.runtime.test_line_files import in_the_box
 from tests.runtime.test_map_files import box, write
-from wallride import param_options
+from tests.typed import typed
 from wallride.clients import race_along
 from wallride.clients.connection import ConnectionProblemError
 from wallride.runtime.parameters.history import ChangeHistory
@@ -49,9 +48,7 @@ class Car:
         await self.bus.close()
 
     async def race(self, *words):
-        parser = argparse.ArgumentParser()
-        param_options.add(parser.add_subparsers())
-        return await race_along.run(parser.parse_args(["param", "race", *map(str, words), "--connect", self.endpoint]))
+        return await race_along.run(typed("param", "race", *words, "--connect", self.endpoint))
 
 
 @pytest.fixture

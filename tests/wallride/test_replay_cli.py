@@ -1,6 +1,5 @@
 """`wallride replay` and `wallride report` as scripts use them: exit codes, JSON, one line when something is wrong."""
 
-import argparse
 import fcntl
 import json
 import os
@@ -11,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from tests.sim.replay.recorded import record
-from wallride import replay_options, report_options
+from tests.typed import typed
+from wallride import replay_options
 from wallride.runtime.recording.decision_codec import decode
 from wallride.runtime.recording.decision_log import SettingsEvent
 from wallride.runtime.recording.laws_fingerprint import laws_fingerprint
@@ -33,11 +33,7 @@ def carried():
 
 
 def wallride(*arguments):
-    parser = argparse.ArgumentParser(prog="wallride")
-    commands = parser.add_subparsers(required=True)
-    replay_options.add(commands)
-    report_options.add(commands)
-    options = parser.parse_args([str(argument) for argument in arguments])
+    options = typed(*arguments)
     return options.run(options)
 
 

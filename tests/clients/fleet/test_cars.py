@@ -1,23 +1,23 @@
 """`wallride cars` and `wallride stop`: every car is listed, and none is said to stand that may not."""
 
-import argparse
 import asyncio
 import contextlib
 import json
 import time
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from tests.clients.speaking_car import options, speaking_car
+from tests.typed import telling
 from wallride.cli import build_parser
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.fleet import cars as fleet_cars
 from wallride.clients.fleet import links, race_command
 from wallride.clients.fleet import stop as fleet_stop
 from wallride.clients.fleet.links import FleetLink
-from wallride.fleet import options as fleet_options
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.network import BYTES
@@ -25,13 +25,7 @@ from wallride.runtime.wire.ports import free_endpoint
 from wallride.runtime.wire.teleop import Beat, CarCondition, is_stop, read_command
 from wallride.runtime.wire.zenoh_config import car_config, client_config
 
-
-def stop_options(*arguments):
-    parser = argparse.ArgumentParser()
-    fleet_options.add(parser.add_subparsers())
-    parsed = parser.parse_args(["stop", *arguments])
-    parsed.print_line = (said := []).append
-    return parsed, said
+stop_options = partial(telling, "stop")
 
 
 @contextlib.asynccontextmanager

@@ -1,22 +1,19 @@
 """`wallride keys` as a person types it."""
 
-import argparse
 import json
 
 import pytest
 
-from wallride import keys_options
+from tests.typed import typed
 
 
 @pytest.fixture
 def wallride(tmp_path, monkeypatch, capsys):
     """Return a function that runs one command in an empty folder: (exit code, standard output, standard error)."""
     monkeypatch.chdir(tmp_path)
-    parser = argparse.ArgumentParser()
-    keys_options.add(parser.add_subparsers())
 
     def run(line):
-        options = parser.parse_args([*line.split(), "--dir", str(tmp_path / "keys")])
+        options = typed(*line.split(), "--dir", tmp_path / "keys")
         code = options.run(options)
         out = capsys.readouterr()
         return code, out.out, out.err

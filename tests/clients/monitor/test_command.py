@@ -1,6 +1,5 @@
 """The command itself: what it prints, and what it says when it cannot."""
 
-import argparse
 import asyncio
 import os
 import signal
@@ -9,7 +8,7 @@ import socket
 import pytest
 import segno
 
-from wallride import monitor_options
+from tests.typed import typed
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.fleet import links
 from wallride.clients.monitor import server
@@ -17,9 +16,7 @@ from wallride.clients.monitor.server import qr_lines
 
 
 def options(*arguments):
-    parser = argparse.ArgumentParser()
-    monitor_options.add(parser.add_subparsers())
-    found = parser.parse_args(["monitor", *arguments])
+    found = typed("monitor", *arguments)
     found.name = "ann"
     return found
 

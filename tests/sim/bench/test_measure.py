@@ -1,6 +1,5 @@
 """The measurements on the real process, as short as they can be: what they see, never how fast it was."""
 
-import argparse
 import json
 import os
 import subprocess
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from wallride import bench_options
+from tests.typed import typed
 from wallride.sim.bench import measure
 from wallride.sim.bench.course import make_course
 from wallride.sim.bench.rig import BenchError, Rig
@@ -112,9 +111,7 @@ def _measurements():
 
 
 def _run(*arguments):
-    parser = argparse.ArgumentParser()
-    bench_options.add(parser.add_subparsers())
-    options = parser.parse_args(["bench", *arguments])
+    options = typed("bench", *arguments)
     return options.run(options)
 
 

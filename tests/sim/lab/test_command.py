@@ -1,6 +1,5 @@
 """`wallride lab` as a user meets it: cells, files, messages."""
 
-import argparse
 import itertools
 import json
 import os
@@ -8,13 +7,14 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
 from tests.promises import promise
-from wallride import lab_options
+from tests.typed import typed
 from wallride.sim.lab import hazards, laps, safety, walls
 from wallride.sim.lab.cell import Cell, CellChoice
 from wallride.sim.lab.command import LabUsageError, chosen, only, run
@@ -22,11 +22,7 @@ from wallride.sim.lab.courses.sudden import BOXES, PLACES
 from wallride.sim.lab.courses.walls import ALL_COURSES
 from wallride.sim.lab.laws import GUARD_OF, build, check
 
-
-def options(*arguments):
-    parser = argparse.ArgumentParser()
-    lab_options.add(parser)
-    return parser.parse_args(arguments)
+options = partial(typed, "lab")
 
 
 def test_walls_json_has_every_cell(tmp_path, capsys):

@@ -1,25 +1,21 @@
 """`lab rooms --generated` and `lab laps --generated`: what is run, what is told, and that nothing is touched."""
 
-import argparse
 import json
+from functools import partial
 
 import numpy as np
 import pytest
 
-from wallride import lab_options
+from tests.typed import typed
 from wallride.sim.lab import generated_rooms, laps
 from wallride.sim.lab.cell import Cell, CellChoice
 from wallride.sim.lab.command import run
 from wallride.sim.lab.courses.walls import world_of
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun
 
+options = partial(typed, "lab")
+
 PERIOD_S = 0.025
-
-
-def options(*arguments):
-    parser = argparse.ArgumentParser()
-    lab_options.add(parser)
-    return parser.parse_args(arguments)
 
 
 def driven(*pieces):

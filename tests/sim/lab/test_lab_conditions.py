@@ -1,10 +1,10 @@
 """The lab drives another car than the simulator's own: `--conditions` of what `wallride lab fit` wrote."""
 
-import argparse
+from functools import partial
 
 import pytest
 
-from wallride import lab_options
+from tests.typed import typed
 from wallride.sim.lab import hazards, laps, safety, walls
 from wallride.sim.lab.command import chosen, run
 from wallride.sim.lab.report import drives
@@ -14,6 +14,8 @@ from wallride.sim.lab.tuning.drive import SCENARIOS
 from wallride.sim.lab_report.command import plan_of as report_of
 from wallride.sim.lab_report.page import conditions
 from wallride.sim.tuning.command import plan_of as study_of
+
+options = partial(typed, "lab")
 
 FITTED = """[vehicle]
 steering_delay_s = 0.0450  # 0.045 s (0.040 to 0.050)
@@ -33,12 +35,6 @@ def fitted(tmp_path):
     file = tmp_path / "fitted.toml"
     file.write_text(FITTED)
     return str(file)
-
-
-def options(*arguments):
-    parser = argparse.ArgumentParser()
-    lab_options.add(parser)
-    return parser.parse_args(arguments)
 
 
 def is_fitted(case):

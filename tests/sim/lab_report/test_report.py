@@ -1,17 +1,17 @@
 """`wallride lab report`: its runs, its tables, its pages, and what a wrong option is answered."""
 
-import argparse
 import io
 import json
 import math
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from rich.console import Console
 
-from wallride import lab_options
+from tests.typed import typed
 from wallride.runtime.parameters.catalogue import catalogue
 from wallride.sim.lab.report import drives, published, tables, wall_ahead
 from wallride.sim.lab.report.differences import differences
@@ -33,18 +33,14 @@ from wallride.sim.lab_report.command import ReportUsageError, measure, plan_of, 
 from wallride.sim.lab_report.page import conditions, document
 from wallride.sim.scenario.conditions import ConditionsError
 
+options = partial(typed, "lab", "report")
+
 SMALL = ReportPlan(
     tests=("t2", "t5"), report_settings=("wall_follow.kd=1.6",), law_settings=("wall_follow.kp=13.5",
     "wall_follow.kd=4.5"), starts=Starts(way_m=1.0), trial_speeds_mps=(1.0,), obstacle_speeds_mps=(2.0,), varies=False,
 )  # fmt: skip
 LAWS = (REPORT_LAW, ALONE_LAW, "ball+swept")
 pytestmark = pytest.mark.timeout(240)  # some hundred drives
-
-
-def options(*arguments):
-    parser = argparse.ArgumentParser()
-    lab_options.add(parser)
-    return parser.parse_args(["report", *arguments])
 
 
 def driven(jobs):

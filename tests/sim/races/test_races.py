@@ -1,23 +1,19 @@
 """`wallride lab races` on one short course, as a user meets it: map, races, table, files, messages."""
 
-import argparse
 import json
+from functools import partial
 
 import pytest
 
-from wallride import lab_options
+from tests.typed import typed
 from wallride.sim.lab.command import LabUsageError
 from wallride.sim.races.command import race_cells, race_choice, run
 from wallride.sim.races.mapped_lap import map_course, map_file
 from wallride.sim.races.race_cell import RaceCell, Racing, planned_line
 
+options = partial(typed, "lab", "races")
+
 LAPS = 3
-
-
-def options(*arguments):
-    parser = argparse.ArgumentParser()
-    lab_options.add(parser)
-    return parser.parse_args(["races", *arguments])
 
 
 @pytest.fixture(scope="module")

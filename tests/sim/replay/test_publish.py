@@ -13,7 +13,7 @@ import pytest
 
 import wallride
 from tests.sim.replay.recorded import options
-from wallride.cli import build_parser
+from tests.typed import telling
 from wallride.clients import logs, parameters, status
 from wallride.clients.connection import Cars, ConnectionProblemError
 from wallride.clients.fleet import cars, stop
@@ -131,27 +131,20 @@ def test_keys_work_in_a_real_terminal_and_the_terminal_is_left_as_it_was(dead_en
         os.close(master)
 
 
-def command_line(*arguments):
-    """Return the options of a command and the lines that it says."""
-    parsed, said = build_parser().parse_args(arguments), []
-    parsed.print_line = said.append
-    return parsed, said
-
-
 async def test_no_command_takes_a_recording_for_a_car_that_drives(playing, tmp_path, monkeypatch):
     monkeypatch.setattr(stop, "GIVE_UP_S", 0.8)
     script = tmp_path / "hands.csv"
     script.write_text("time_s,buttons,speed,steering\n0,manual,1,0\n")
     _, client = playing
     at = ("--connect", client.endpoint)
-    parsed, said = command_line("status", *at)
+    parsed, said = telling("status", *at)
     assert await status.run(parsed) == 0
     assert said[0].splitlines()[0] == f"car1: {NOTHING_DRIVES}. What follows is its status of then."
     for arguments in (("stop", *at), ("stop", "--all", *at), ("stop", "--car", "car1", *at)):
-        parsed, said = command_line(*arguments)
+        parsed, said = telling(*arguments)
         assert await stop.run(parsed) == 1
         assert said == [f"car1             {NOTHING_DRIVES}"]
-    parsed, said = command_line("cars", *at)
+    parsed, said = telling("cars", *at)
     assert await cars.run(parsed) == 0
     assert NOTHING_DRIVES in said[0]
     for program, arguments in (
@@ -159,7 +152,7 @@ async def test_no_command_takes_a_recording_for_a_car_that_drives(playing, tmp_p
         (parameters.run, ("param", "get", "wall_follow.kp", *at)),
         (logs.record, ("record", "status", *at)),
     ):
-        parsed, said = command_line(*arguments)
+        parsed, said = telling(*arguments)
         with pytest.raises(ConnectionProblemError, match=f"car1 at .*: {NOTHING_DRIVES}$"):
             await program(parsed)
 

@@ -1,28 +1,24 @@
 """Scenarios in virtual time: the examples hold, and what does not hold is told."""
 
-import argparse
 import json
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from tests.sim.scenario.test_scenario_file import EXAMPLES
-from wallride import lab_options
+from tests.typed import typed
 from wallride.sim.scenario.command import run
 from wallride.sim.scenario.driven import DrivenScenario, judge
 from wallride.sim.scenario.scenario_file import load_scenario
 from wallride.sim.scenario.virtual_drive import drive_scenario
 from wallride.sim.world.pose import Pose
 
+options = partial(typed, "lab", "scenario")
+
 HEAD = 'world = "corridor"\nduration_s = 4.0\n[settings]\nwall_follow.speed_mps = 2.0\n'
-
-
-def options(*arguments):
-    parser = argparse.ArgumentParser()
-    lab_options.add(parser)
-    return parser.parse_args(["scenario", *map(str, arguments)])
 
 
 @pytest.fixture

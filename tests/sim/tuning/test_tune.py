@@ -1,6 +1,5 @@
 """`wallride lab tune`: studies that survive a kill, the same with any number of processes, judged on what is new."""
 
-import argparse
 import os
 import re
 import signal
@@ -8,6 +7,7 @@ import subprocess
 import sys
 import time
 import tomllib
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ import pytest
 from optuna.distributions import FloatDistribution
 from optuna.trial import create_trial
 
-from wallride import lab_options
+from tests.typed import typed
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.lab.tuning.drive import HELD_OUT, MUS, SCENARIOS, SampledConditions, cells, measure
 from wallride.sim.tuning.command import TuningProgress, measuring, plan_of, run
@@ -23,14 +23,10 @@ from wallride.sim.tuning.page import pareto_front
 from wallride.sim.tuning.study import FIRST_HELD_OUT_SEED, SEEDS, TuningPlan, finished, go_on, open_study
 from wallride.sim.tuning.verdict import _compared, _drive, best_trials
 
+options = partial(typed, "lab", "tune")
+
 ROOT = Path(__file__).resolve().parents[3]
 SMALL = ("--method", "report", "--only", "t2", "--jobs", "1")
-
-
-def options(*arguments):
-    parser = argparse.ArgumentParser()
-    lab_options.add(parser)
-    return parser.parse_args(["tune", *arguments])
 
 
 def studied(folder, plan, trials, jobs=1):

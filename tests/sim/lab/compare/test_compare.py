@@ -1,17 +1,19 @@
 """`lab compare`: a planted change is told from noise, and no change is none."""
 
-import argparse
 import json
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 
-from wallride import lab_options
+from tests.typed import typed
 from wallride.sim.lab.compare.command import run
 from wallride.sim.lab.compare.pairs import ComparisonError, pairs_of
 from wallride.sim.lab.compare.statistics import paired_difference
 from wallride.sim.lab.sweep.table import TableRun
+
+options = partial(typed, "lab", "compare")
 
 REPETITIONS = 20
 PAIRS = 60
@@ -96,12 +98,6 @@ def test_figures_that_one_side_does_not_have_are_left_out_pair_by_pair():
 def test_sides_that_do_not_fit_are_told(a, b, words):
     with pytest.raises(ComparisonError, match=words):
         pairs_of([run_of(**values) for values in a], [run_of(**values) for values in b])
-
-
-def options(*arguments):
-    parser = argparse.ArgumentParser()
-    lab_options.add(parser)
-    return parser.parse_args(["compare", *map(str, arguments)])
 
 
 SWEEP = """world = "straight"

@@ -1,6 +1,5 @@
 """`wallride lab sweep`: each run once, whatever happens in between."""
 
-import argparse
 import json
 import signal
 import sqlite3
@@ -8,14 +7,17 @@ import subprocess
 import sys
 import time
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from tests.own_laws import INIT, law_file  # noqa: F401 - a fixture
-from wallride import lab_options
+from tests.typed import typed
 from wallride.sim.lab.sweep.command import run
 from wallride.sim.lab.sweep.table import open_table
+
+options = partial(typed, "lab", "sweep")
 
 SHORT = """world = "straight"
 duration_s = 0.5
@@ -23,12 +25,6 @@ duration_s = 0.5
 runs = {runs}
 vehicle.grip_mu = {{ from = 0.5, to = 1.0 }}
 """
-
-
-def options(*arguments):
-    parser = argparse.ArgumentParser()
-    lab_options.add(parser)
-    return parser.parse_args(["sweep", *map(str, arguments)])
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 The 2,000 runs of docs/scale.md: python -m tests.sim.lab.sweep.killed_halfway FILE TABLE nodes
 """
 
-import argparse
 import json
 import subprocess
 import sys
@@ -12,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from wallride import lab_options
+from tests.typed import typed
 from wallride.sim.lab.sweep.command import run
 
 ROOT = Path(__file__).parents[4]
@@ -28,9 +27,7 @@ WITH_RAY = pytest.mark.skipif(find_spec("ray") is None, reason="Ray is not insta
 
 def exported(file, table, to):
     """Return the rows of a full table as JSON; nothing is run again."""
-    parser = argparse.ArgumentParser()
-    lab_options.add(parser)
-    assert run(parser.parse_args(["sweep", *map(str, (file, "--table", table, "--jobs", "1", "--json", to))])) == 0
+    assert run(typed("lab", "sweep", file, "--table", table, "--jobs", "1", "--json", to)) == 0
     return to.read_bytes()
 
 
