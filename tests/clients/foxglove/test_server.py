@@ -93,9 +93,9 @@ async def test_a_viewer_is_offered_everything_and_gets_the_cars_bytes(car, addre
 
 
 @asynccontextmanager
-async def served(car, endpoint, *, pages=()):
+async def served(car, *, pages=()):
     """The address of the server at a car with a desk."""
-    async with car, serving(endpoint, pages) as address:
+    async with car, serving(car.bus.endpoint, pages) as address:
         yield address
 
 
@@ -106,9 +106,9 @@ async def visiting(address):
 
 
 @asynccontextmanager
-async def watched(car, endpoint):
+async def watched(car):
     """A viewer of the server at a car with a desk."""
-    async with served(car, endpoint) as address, visiting(address) as viewer:
+    async with served(car) as address, visiting(address) as viewer:
         yield viewer
 
 
@@ -121,9 +121,8 @@ async def answer(viewer, operation):
 
 
 async def test_a_viewer_reads_and_changes_settings_by_the_cars_rules():
-    endpoint = free_endpoint()
-    car = FakeCar(endpoint)
-    async with watched(car, endpoint) as viewer:
+    car = FakeCar(free_endpoint())
+    async with watched(car) as viewer:
         await viewer.send_json(
             {"op": "getParameters", "parameterNames": ["wall_follow.kp", "safety.method"], "id": "1"}
         )
@@ -137,9 +136,8 @@ async def test_a_viewer_reads_and_changes_settings_by_the_cars_rules():
 
 
 async def test_a_viewer_presses_the_e_stop_and_nothing_else():
-    endpoint = free_endpoint()
-    car = FakeCar(endpoint)
-    async with watched(car, endpoint) as viewer:
+    car = FakeCar(free_endpoint())
+    async with watched(car) as viewer:
         names = ("/drive", "/e_stop")
         channels = [
             {"id": number, "topic": name, "encoding": "json", "schemaName": "std_msgs/msg/Empty"}
@@ -154,9 +152,8 @@ async def test_a_viewer_presses_the_e_stop_and_nothing_else():
 
 
 async def test_numbers_of_channels_are_each_viewers_own():
-    endpoint = free_endpoint()
-    car = FakeCar(endpoint)
-    async with served(car, endpoint) as address, visiting(address) as one, visiting(address) as other:
+    car = FakeCar(free_endpoint())
+    async with served(car) as address, visiting(address) as one, visiting(address) as other:
         await one.send_json({"op": "advertise", "channels": [CHANNEL | {"id": 1, "topic": "/e_stop"}]})
         await other.send_json({"op": "advertise", "channels": [CHANNEL | {"id": 1, "topic": "/other"}]})
         await other.send_bytes(PRESS)
@@ -168,8 +165,7 @@ async def test_numbers_of_channels_are_each_viewers_own():
 
 
 async def test_a_change_is_told_to_the_viewers_that_follow_it():
-    endpoint = free_endpoint()
-    async with served(FakeCar(endpoint), endpoint) as address, visiting(address) as one, visiting(address) as other:
+    async with served(FakeCar(free_endpoint())) as address, visiting(address) as one, visiting(address) as other:
         await other.send_json({"op": "subscribeParameterUpdates", "parameterNames": ["wall_follow.kp"]})
         await other.send_json({"op": "nonsense"})
         assert (await answer(other, "status"))["level"] == viewer.ERROR  # what it sent before has been understood
@@ -190,8 +186,7 @@ async def test_a_change_is_told_to_the_viewers_that_follow_it():
     ],
 )
 async def test_other_pages_names_and_programs_without_the_token_stay_outside(headers, query):
-    endpoint = free_endpoint()
-    async with served(FakeCar(endpoint), endpoint) as address, aiohttp.ClientSession() as session:
+    async with served(FakeCar(free_endpoint())) as address, aiohttp.ClientSession() as session:
         place = address if query else address.partition("?")[0]
         with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
             await session.ws_connect(place, protocols=PROTOCOLS, headers=headers)
@@ -200,9 +195,8 @@ async def test_other_pages_names_and_programs_without_the_token_stay_outside(hea
 
 @pytest.mark.parametrize("origin", ["file://", "https://app.foxglove.dev", "http://localhost:8080"])
 async def test_pages_of_viewers_come_in_with_the_token(origin):
-    endpoint = free_endpoint()
     async with (
-        served(FakeCar(endpoint), endpoint, pages=["http://localhost:8080/"]) as address,
+        served(FakeCar(free_endpoint()), pages=["http://localhost:8080/"]) as address,
         aiohttp.ClientSession() as session,
         session.ws_connect(address, protocols=PROTOCOLS[1:], headers={"Origin": origin}) as viewer,
     ):
@@ -220,8 +214,7 @@ HOSTILE = [
 
 
 async def test_what_is_not_understood_is_said_and_the_viewer_stays():
-    endpoint = free_endpoint()
-    async with served(FakeCar(endpoint), endpoint) as address, visiting(address) as viewer:
+    async with served(FakeCar(free_endpoint())) as address, visiting(address) as viewer:
         for words in HOSTILE:
             await viewer.send_str(words)
             assert (await answer(viewer, "status"))["level"] == 2
