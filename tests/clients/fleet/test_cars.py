@@ -246,23 +246,17 @@ async def test_an_e_stop_that_reaches_nothing_says_that_nothing_was_stopped(argu
     assert "Stop the car by hand" in said[0]
 
 
-async def test_of_two_cars_of_one_name_both_must_confirm(monkeypatch):
+@pytest.mark.parametrize(
+    ("obeys", "code", "words"), [(True, 0, "e-stop latched after"), (False, 1, "DOES NOT CONFIRM: stop it by hand")]
+)
+async def test_of_two_cars_of_one_name_each_has_a_line_and_both_must_confirm(monkeypatch, obeys, code, words):
     monkeypatch.setattr(fleet_stop, "GIVE_UP_S", 0.8)
-    async with (
-        beating_car("car1", session=1) as (first, _),
-        beating_car("car1", obeys=False, session=2) as (second, _),
-    ):
+    async with beating_car("car1", session=1) as (first, _), beating_car("car1", obeys=obeys, session=2) as (second, _):
         parsed, said = stop_options("--all", "--connect", f"{first},{second}")
-        assert await fleet_stop.run(parsed) == 1
-        assert said[0].startswith("car1 (session 00000001) e-stop latched after")
-        assert said[1].startswith("car1 (session 00000002) DOES NOT CONFIRM: stop it by hand")
-
-
-async def test_two_cars_of_one_name_at_two_endpoints_have_a_line_each():
-    async with beating_car("car1", session=1) as (first, _), beating_car("car1", session=2) as (second, _):
-        parsed, said = stop_options("--all", "--connect", f"{first},{second}")
-        assert await fleet_stop.run(parsed) == 0
-    assert [line.split(" e-stop latched")[0] for line in said] == [f"car1 (session 0000000{n})" for n in (1, 2)]
+        assert await fleet_stop.run(parsed) == code
+    assert len(said) == 2
+    assert said[0].startswith("car1 (session 00000001) e-stop latched after")
+    assert said[1].startswith(f"car1 (session 00000002) {words}")
 
 
 @pytest.mark.parametrize("arguments", [["--all"], []])

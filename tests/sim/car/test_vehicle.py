@@ -87,15 +87,11 @@ def test_gentle_braking_is_as_strong_as_its_current_and_the_drag():
     assert stop(vehicle, BrakeDemand(20.0)) == pytest.approx(expected_m, rel=0.02)
 
 
-def test_locked_wheels_report_zero_while_the_car_still_slides():
+def test_locked_wheels_report_zero_while_the_car_slides_and_roll_again_when_released():
     vehicle = drive(car(3.0, **INSTANT), 0.1, BrakeDemand(LOCKING_A))
     assert vehicle.wheel_speed_mps == 0.0
     assert vehicle.speed_mps == pytest.approx(3.0 - 0.8 * G_MPS2 * 0.1, abs=0.1)
     assert vehicle.wheel_travel_m < 0.15 < vehicle.x_m
-
-
-def test_released_wheels_roll_again():
-    vehicle = drive(car(3.0, **INSTANT), 0.1, BrakeDemand(LOCKING_A))
     drive(vehicle, 0.05, CoastDemand())
     assert vehicle.wheel_speed_mps == vehicle.speed_mps > 1.5
 

@@ -53,13 +53,16 @@ def test_without_odometry_the_speed_is_the_commanded_one_where_it_has_settled():
     assert np.count_nonzero(np.isnan(drive.speed_mps)) > 100
 
 
-def test_the_servo_is_found(found):
+def test_what_is_planted_in_the_servo_the_motor_and_the_speed_gain_is_found(found):
     steering = found.steering
     assert steering.delay_s.value == pytest.approx(0.07, abs=0.008)
     assert steering.rate_radps.value == pytest.approx(2.25, abs=0.25)
     assert not steering.delay_s.why
     assert not steering.rate_radps.why
     assert steering.rms_rad < 0.5 * steering.assumed_rms_rad
+    assert found.driving.delay_s.value == pytest.approx(0.06, abs=0.06)
+    assert found.driving.ramp_mps2.value == pytest.approx(3.0, abs=0.5)
+    assert found.driving.speed_gain.value == pytest.approx(1 / 1.15, rel=0.03)
 
 
 def test_trim_and_wheelbase_are_found_with_the_true_speed():
@@ -67,15 +70,6 @@ def test_trim_and_wheelbase_are_found_with_the_true_speed():
     steering = fit_steering(drive, 0.33, ASSUMED)
     assert steering.trim_rad.value == pytest.approx(0.03 * 0.33 / 0.3, abs=0.004)
     assert steering.wheelbase_m.value == pytest.approx(0.3, abs=0.006)
-
-
-def test_the_motors_delay_and_ramp_are_found(found):
-    assert found.driving.delay_s.value == pytest.approx(0.06, abs=0.06)
-    assert found.driving.ramp_mps2.value == pytest.approx(3.0, abs=0.5)
-
-
-def test_a_wrong_speed_gain_is_found(found):
-    assert found.driving.speed_gain.value == pytest.approx(1 / 1.15, rel=0.03)
 
 
 def test_noise_lost_beams_and_own_parts_are_found(found):

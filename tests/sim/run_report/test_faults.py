@@ -51,8 +51,9 @@ def test_a_device_that_only_a_status_misses_is_a_fault():
     assert words_of(message("status", 5, motor=READY, lidar=READY, fault="overheated")) == ["motor fault: overheated"]
 
 
-def test_a_device_that_has_not_been_opened_yet_is_none():
+def test_a_device_that_has_not_been_opened_yet_and_commands_before_it_is_there_are_none():
     assert words_of(message("status", 5, motor={"link": "absent", "message": "not opened yet"}, fault="")) == []
+    assert words_of(message("decision", 0, delivered=False), message("decision", 1, delivered=True)) == []
 
 
 def test_the_same_words_of_log_and_status_are_told_once_and_a_second_loss_again():
@@ -77,10 +78,6 @@ def test_commands_that_no_longer_arrive_are_one_fault_with_its_length():
     decisions = [message("decision", at_s, delivered=at_s < 2 or at_s >= 4) for at_s in (0, 1, 2, 3, 4, 5)]
     (fault,) = faults_in(DriveLog("made", decisions))
     assert (fault.words, fault.stamp_ns, fault.lasted_s) == (UNHEARD, 2 * NS, 2.0)
-
-
-def test_commands_before_the_motor_is_there_are_none():
-    assert words_of(message("decision", 0, delivered=False), message("decision", 1, delivered=True)) == []
 
 
 @pytest.fixture(scope="module")

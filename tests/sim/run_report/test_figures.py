@@ -111,11 +111,8 @@ def test_stops_begin_and_end_with_what_was_sent():
     assert numbers(told)["standing_s"] == 1.0
 
 
-def test_standing_before_the_first_movement_is_no_stop():
+def test_standing_before_the_first_movement_or_for_a_moment_is_no_stop():
     assert stops(made([0, 1, 2], [0, 0, 0], [change(0.0, "permit", "no operator permits autonomy")])) == []
-
-
-def test_a_moment_is_no_stop():
     assert stops(made([0, 1, 1.02, 2], [1, 0, 1, 1])) == []
 
 
