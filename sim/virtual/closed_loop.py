@@ -25,9 +25,10 @@ from wallride.runtime.arbitration.command import (
     arbitrate,
 )
 from wallride.runtime.control.guidance import Follower, Guard
-from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.runtime.control.limiter import Limiter
 from wallride.runtime.control.safety.swept import SweptGuard
 from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.live_stack import limits
 from wallride.runtime.settings.tree import MuxSettings
 from wallride.runtime.tasks.mux import SILENT_AFTER_PERIODS
 from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, DelayLine, Demand, SpeedDemand, Vehicle, VehicleSettings
@@ -225,19 +226,13 @@ class _Rig:
             (math.hypot(o.motion.x_mps, o.motion.y_mps) for o in case.obstacles if o.motion), default=0.0
         )
         self._rng = np.random.default_rng(case.seed)
-        car = case.car
-        self._limiter = Limiter(
-            Limits(
-                car.max_speed_mps, car.max_reverse_mps, car.max_steering_rad, car.steering_rate_radps,
-                car.max_acceleration_mps2,
-            )
-        )  # fmt: skip
+        self._limiter = Limiter(limits(case.car))
         self._limiter.limit(case.start_speed_mps, 0.0, dt_s=1e3)  # a rolling car was commanded to
         rolling: Demand = SpeedDemand(case.start_speed_mps) if case.start_speed_mps else CoastDemand()
         self._wire: DelayLine[tuple[Demand, float]] = DelayLine(case.latency_s, (rolling, 0.0))
         self._motor: MotorState | None = None
         self._turning = (
-            TurningSensor(case.turning, case.lidar, car, lambda: self._motor, self._rng) if case.turning else None
+            TurningSensor(case.turning, case.lidar, case.car, lambda: self._motor, self._rng) if case.turning else None
         )
         self._now_s = self._answered_s = self._decided_s = 0.0
         judge = getattr(guard, "guard", guard)  # a stack of laws has it in it

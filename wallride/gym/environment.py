@@ -15,8 +15,9 @@ from gymnasium import spaces
 from PIL import Image, ImageDraw
 
 from wallride.drivers.api import MotorState
-from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.runtime.control.limiter import Limiter
 from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.live_stack import limits
 from wallride.sim.scenario.conditions import checked_conditions
 from wallride.sim.scenario.obstacle_text import read_obstacle
 from wallride.sim.scenario.scenario_file import MAX_START_TO_WALL_M
@@ -103,13 +104,7 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             lidar=self._lidar, obstacles=self._obstacles, seed=int(self.np_random.integers(_SEEDS)),
         )  # fmt: skip
         self._motor = WorldMotor(self._twin, self._time_s)
-        car = self._car
-        self._limiter = Limiter(
-            Limits(
-                car.max_speed_mps, car.max_reverse_mps, car.max_steering_rad, car.steering_rate_radps,
-                car.max_acceleration_mps2,
-            )
-        )  # fmt: skip
+        self._limiter = Limiter(limits(self._car))
         self._counter = LapCounter(self._world.lap) if self._world.lap is not None else None
         self._laps = 0.0
         self._odometry = np.zeros(5)
