@@ -120,7 +120,7 @@ def case_of_hazard(cell: Cell) -> tuple[Case, BlindDriver]:
         duration_s=12.0 / cell.speed_mps + 6.0,
         standing_s=2.0,
         vehicle=VehicleSettings(grip_mu=cell.mu),
-        obstacles=tuple(_mirrored(thing) if sign < 0 else thing for thing in hazard.things(cell.speed_mps)),
+        obstacles=tuple(thing.mirrored() if sign < 0 else thing for thing in hazard.things(cell.speed_mps)),
         seed=cell.seed,
     )
     turns_at_s = hazard.turns_after_m / cell.speed_mps
@@ -181,16 +181,4 @@ def _needless(law: str, rows: Sequence[Row]) -> TabledCell:
     )
 
 
-def _mirrored(thing: Obstacle) -> Obstacle:
-    appearance = thing.appearance
-    if not isinstance(appearance, StandingObstacle):
-        raise TypeError("only standing things can be mirrored")
-    motion = thing.motion
-    return Obstacle(
-        thing.shape,
-        StandingObstacle(appearance.pose.mirrored(), appearance.from_s),
-        ConstantMotion(motion.x_mps, -motion.y_mps, motion.from_s, motion.until_s) if motion is not None else None,
-    )
-
-
-EXPERIMENT = Experiment(cells, measure, tables)
+EXPERIMENT = Experiment(measure, cells, tables)

@@ -165,10 +165,7 @@ def run(cell: Cell) -> SimulatedRun:
 
 def _walker(cell: Cell) -> Obstacle:
     thing = WALKERS[cell.scenario.removesuffix(WAITS)].obstacle(cell.speed_mps)
-    if cell.side == "left" or not isinstance(thing.appearance, StandingObstacle) or thing.motion is None:
-        return thing
-    motion = ConstantMotion(thing.motion.x_mps, -thing.motion.y_mps, thing.motion.from_s, thing.motion.until_s)
-    return Obstacle(thing.shape, StandingObstacle(thing.appearance.pose.mirrored(), thing.appearance.from_s), motion)
+    return thing if cell.side == "left" else thing.mirrored()
 
 
 def measure(cell: Cell) -> Figures:
@@ -296,4 +293,4 @@ def _line(rows: Sequence[Row], kind: str, *, backs: bool) -> tuple[str, ...]:
     )
 
 
-EXPERIMENT = Experiment(cells, measure, tables)
+EXPERIMENT = Experiment(measure, cells, tables)

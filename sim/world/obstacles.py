@@ -6,7 +6,7 @@ world.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -81,6 +81,14 @@ class Obstacle:
     def half_length_m(self) -> float:
         """Return the distance from its centre to its near face."""
         return self.shape.radius_m if isinstance(self.shape, Round) else self.shape.length_m / 2
+
+    def mirrored(self) -> "Obstacle":
+        """Return the same standing or walking thing with y negated."""
+        if not isinstance(self.appearance, StandingObstacle):
+            raise TypeError("only standing things can be mirrored")
+        appearance = replace(self.appearance, pose=self.appearance.pose.mirrored())
+        motion = replace(self.motion, y_mps=-self.motion.y_mps) if self.motion is not None else None
+        return replace(self, appearance=appearance, motion=motion)
 
 
 def pole(x_m: float, y_m: float, radius_m: float = 0.02) -> Obstacle:
