@@ -235,4 +235,4 @@ def _follower(row: Row) -> str:
     return str(row["law"]).partition("+")[0]
 
 
-EXPERIMENT = Experiment(cells, measure, tables)
+EXPERIMENT = Experiment(measure, cells, tables)

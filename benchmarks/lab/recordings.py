@@ -269,4 +269,4 @@ def plot(folder: Path, cell: Cell, figures: Figures) -> None:
         save_window(folder, done)
 
 
-EXPERIMENT = Experiment(cells, measure, tables, plot)
+EXPERIMENT = Experiment(measure, cells, tables, plot)

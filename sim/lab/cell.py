@@ -111,12 +111,13 @@ class TabledCell:
 class Experiment:
     """An experiment. cells: its runs. measure: runs one. tables: the tables of all figures.
 
-    plot: draws a cell into a directory; None draws its path, from `run` of the experiment's module.
+    Without cells and tables: its runs are those of a study or a report. plot: draws a cell into a directory; None draws
+    its path, from `run` of the experiment's module.
     """
 
-    cells: Callable[[CellChoice], list[Cell]]
     measure: Callable[[Cell], Figures]
-    tables: Callable[[Sequence[Mapping[str, Any]]], list[TabledCell]]
+    cells: Callable[[CellChoice], list[Cell]] = lambda _: []
+    tables: Callable[[Sequence[Mapping[str, Any]]], list[TabledCell]] = lambda _: []
     plot: Callable[[Path, Cell, Figures], None] | None = None
 
 

@@ -209,4 +209,4 @@ def _cell(rows: Sequence[Row]) -> str:
     return f"{sum(row['avoidable'] for row in rows)} of {len(rows)}, {text(worst(rows, 'way_after_m'), 1)} m"
 
 
-EXPERIMENT = Experiment(cells, measure, tables)
+EXPERIMENT = Experiment(measure, cells, tables)

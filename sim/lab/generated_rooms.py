@@ -129,4 +129,4 @@ def _line(rows: Sequence[Row], kind: str) -> tuple[str, ...]:
     )
 
 
-EXPERIMENT = Experiment(cells, measure, tables)
+EXPERIMENT = Experiment(measure, cells, tables)

@@ -130,4 +130,4 @@ def _figure(rows: Sequence[Row]) -> str:
     return f"{way}, {text(mean(rows, 'mean_error_m'))}{stands}"
 
 
-EXPERIMENT = Experiment(cells, measure, tables)
+EXPERIMENT = Experiment(measure, cells, tables)

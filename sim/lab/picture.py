@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 
 from wallride.sim.figures.drawing import save_plot
-from wallride.sim.lab.cell import Cell, Figures, module_of
+from wallride.sim.lab.cell import Cell, Figures, course_name, module_of
 
 
 def save(folder: Path, cell: Cell, figures: Figures) -> None:
     """Drive the cell once more, which gives the same run, and draw it."""
     done = module_of(cell.experiment).run(cell)
-    course = Path(cell.scenario).stem if "/" in cell.scenario else cell.scenario
+    course = course_name(cell.scenario)
     end = "contact" if figures["collided"] else "stands" if figures["stopped_for_good"] else "done"
     title = f"{cell.law}: {course}, {cell.side}, {cell.speed_mps:g} m/s, mu {cell.mu:g}, seed {cell.seed}: {end}"
     name = f"{cell.experiment}-{course}-{cell.law}-{cell.speed_mps:g}-{cell.mu:g}-{cell.side}-{cell.seed}.png"

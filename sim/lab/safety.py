@@ -186,4 +186,4 @@ def _notes(rows: Sequence[Row]) -> tuple[str, ...]:
     return first, second
 
 
-EXPERIMENT = Experiment(cells, measure, tables)
+EXPERIMENT = Experiment(measure, cells, tables)

@@ -270,4 +270,4 @@ def _no_picture(*_: object) -> None:
     """Return no picture: stories have none."""
 
 
-EXPERIMENT = Experiment(cells, measure, tables, _no_picture)
+EXPERIMENT = Experiment(measure, cells, tables, _no_picture)

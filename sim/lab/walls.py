@@ -144,4 +144,4 @@ def _published(rows: Sequence[Row]) -> TabledCell:
     return TabledCell(title, ("course", "1 m/s", "2 m/s", "3 m/s", "4 m/s"), tuple(lines))
 
 
-EXPERIMENT = Experiment(cells, measure, tables)
+EXPERIMENT = Experiment(measure, cells, tables)

@@ -155,4 +155,4 @@ def tables(rows: Sequence[Row]) -> list[TabledCell]:
     return [TabledCell("the lidar's window", columns, tuple(lines), (note,))]
 
 
-EXPERIMENT = Experiment(cells, measure, tables)
+EXPERIMENT = Experiment(measure, cells, tables)

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.guidance import Follower, Guidance
 from wallride.runtime.control.report.measures import WallMeasures, measured
 from wallride.sim.lab import laws
-from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.cell import DESIRED_M, Cell, Experiment, Figures
 from wallride.sim.lab.courses.walls import Course, course_case, course_task
 from wallride.sim.lab.figures import common, errors, number
 from wallride.sim.lab.limit import least_mean_error_m
@@ -177,15 +177,7 @@ def compute_limits() -> None:
     LIMITS_FILE.write_text(json.dumps(kept, indent=0, sort_keys=True) + "\n")
 
 
-def _no_cells(_: CellChoice) -> list[Cell]:
-    return []
-
-
-def _no_tables(_: Any) -> list[TabledCell]:  # noqa: ANN401 - the report has a page of its own
-    return []
-
-
-EXPERIMENT = Experiment(_no_cells, measure, _no_tables)
+EXPERIMENT = Experiment(measure)
 
 if __name__ == "__main__":
     compute_limits()

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from wallride.sim.lab import laws
-from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.cell import Cell, Experiment, Figures
 from wallride.sim.lab.courses.walls import world_of
 from wallride.sim.lab.figures import common
 from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, Case
@@ -68,12 +68,4 @@ def measure(cell: Cell) -> Figures:
     return {**figures, "passed": passed, "stood": math.isclose(done.speed_mps[-1, 0], 0.0, abs_tol=0.05)}
 
 
-def _no_cells(_: CellChoice) -> list[Cell]:
-    return []
-
-
-def _no_tables(_: Any) -> list[TabledCell]:  # noqa: ANN401 - the report has a page of its own
-    return []
-
-
-EXPERIMENT = Experiment(_no_cells, measure, _no_tables)
+EXPERIMENT = Experiment(measure)

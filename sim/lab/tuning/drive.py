@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wallride.sim.lab.cell import DESIRED_M, Cell, CellChoice, Experiment, Figures, TabledCell
+from wallride.sim.lab.cell import DESIRED_M, Cell, Experiment, Figures
 from wallride.sim.lab.courses.walls import case_of
 from wallride.sim.lab.figures import Row, common, errors, number
 from wallride.sim.lab.laws import drive_case
@@ -126,12 +126,4 @@ def cost_of(rows: Sequence[Row]) -> float:
     return math.fsum(row["cost"] for row in rows) / len(rows)
 
 
-def _no_cells(_: CellChoice) -> list[Cell]:
-    return []
-
-
-def _no_tables(_: Sequence[Row]) -> list[TabledCell]:
-    return []
-
-
-EXPERIMENT = Experiment(_no_cells, measure, _no_tables)
+EXPERIMENT = Experiment(measure)
