@@ -183,9 +183,7 @@ class MemoryBus:
         """Record the message."""
         self.heard.append((key, payload))
 
-    def put_latched(self, key: str, payload: bytes, *, encoding: str, attachment: bytes) -> None:  # noqa: ARG002 - a Bus
-        """Record the message."""
-        self.heard.append((key, payload))
+    put_latched = put_attached
 
     def when_open(self, declare: Callable[[], None]) -> None:
         """Call at once."""
@@ -205,11 +203,7 @@ class MemoryBus:
         """Register the car's subscriber for messages without an attachment of `deliver`."""
         self._readers[key] = lambda _key, payload, arrival_s: receive(payload, None, arrival_s)
 
-    def subscribe_prompt(
-        self, key: str, receive: Callable[[bytes, bytes | None, float], None], *, max_bytes: int
-    ) -> None:  # fmt: skip
-        """Register likewise."""
-        self.subscribe_attached(key, receive, max_bytes=max_bytes)
+    subscribe_prompt = subscribe_attached
 
     def answer(self, key: str, reply: Callable[[bytes], bytes | Awaitable[bytes]]) -> None:
         """Register the car's handler for queries of `ask`."""

@@ -4,22 +4,20 @@ The world has no thread of its own. A request for a scan or the motor's state, o
 the clock's now, in steps of 2.5 ms; so the same story gives the same run, bit by bit.
 """
 
-import asyncio
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Never
 
 import numpy as np
 import numpy.typing as npt
 
-from wallride.drivers.api import Clock, Drive, Health, LinkState, MotorState
+from wallride.drivers.api import Clock, Drive, LinkState, MotorState
 from wallride.drivers.vesc.app_config import RECOMMENDED_BRAKE_A
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle, VehicleSettings
 from wallride.sim.car.wiring import NO_ERRORS, WiringConversion, WiringErrors
 from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
-from wallride.sim.virtual.devices import MemoryLidar
+from wallride.sim.virtual.devices import MemoryLidar, MemoryMotor
 from wallride.sim.world.beams import LidarSettings, Millimetres, scan
 from wallride.sim.world.obstacles import Obstacle, ObstacleWorld
 from wallride.sim.world.place import World
@@ -122,35 +120,25 @@ class WorldLidar(MemoryLidar):
         return self._twin.ranges_at(now_s) if self._plugged else None
 
 
-class WorldMotor:
+class WorldMotor(MemoryMotor):
     """Motor controller of a twin world; accepts commands as the VESC's driver does and reports the wheels' true state.
 
-    wire: (time, drive) of every command taken. present: False is a pulled cable; the controller then brakes by itself.
-    errors: of the settings. phases_swapped: the wheels turn the other way, and the controller reports the requested
-    direction.
+    present: False is a pulled cable; the controller then brakes by itself. As the driver does, it brakes while a fault
+    is latched; it has none of its own. errors: of the settings. phases_swapped: the wheels turn the other way, and the
+    controller reports the requested direction.
     """
 
     def __init__(self, twin: TwinWorld, clock: Clock, errors: WiringErrors = NO_ERRORS) -> None:
+        super().__init__(clock)
         self._twin = twin
-        self._clock = clock
         self._wiring = WiringConversion(_WIRING, errors.wired(_WIRING)) if errors != NO_ERRORS else None
         self._allowed_rad = 0.0
-        self.wire: list[tuple[float, Drive]] = []
         self.phases_swapped = False
-        self._fault = ""
-        self._present = True
-        self._health = Health(LinkState.READY, "in memory", "twin")
-
-    @property
-    def health(self) -> Health:
-        """Return the present condition."""
-        self._health.link = LinkState.READY if self._present else LinkState.ABSENT
-        return self._health
 
     @property
     def state(self) -> MotorState | None:
         """Return the controller's report: speed and way in its own whole numbers."""
-        if not self._present:
+        if not self.present:
             return None
         self._twin.advance()
         vehicle, gain = self._twin.vehicle, _WIRING.speed_to_erpm_gain
@@ -161,29 +149,21 @@ class WorldMotor:
         return MotorState(
             self._clock(), sign * round(vehicle.wheel_speed_mps * gain) / gain,
             sign * math.floor(vehicle.wheel_travel_m / steps_m) * steps_m, steering_rad, 11.8,
-            vehicle.motor_current_a, 0.0, 30.0, self._fault, timed_out=False, killed=False,
+            vehicle.motor_current_a, 0.0, 30.0, self.fault, timed_out=False, killed=False,
         )  # fmt: skip
 
     @property
     def braked_instead(self) -> bool:
         """Whether it braked in place of a speed: while a fault is latched."""
-        return bool(self._fault and self.wire and self.wire[-1][1].speed_mps)
-
-    async def run(self) -> Never:
-        """Stay connected; brake when cancelled, as the driver does."""
-        try:
-            await asyncio.Event().wait()
-            raise AssertionError("unreachable: that event is never set")
-        finally:
-            self.send(Drive(0.0, 0.0))
+        return bool(self.fault and self.wire and self.wire[-1][1].speed_mps)
 
     def send(self, drive: Drive) -> bool:
         """Pass a command on to the wheels; False while the cable is pulled."""
-        if not self._present:
+        if not self.present:
             return False
         self._twin.advance()
         self.wire.append((self._clock(), drive))
-        speed_mps = 0.0 if self._fault else -drive.speed_mps if self.phases_swapped else drive.speed_mps
+        speed_mps = 0.0 if self.fault else -drive.speed_mps if self.phases_swapped else drive.speed_mps
         steering_rad = drive.steering_rad
         if self._wiring is not None:
             speed_mps *= self._wiring.speed_share
@@ -196,29 +176,21 @@ class WorldMotor:
     def pull(self) -> None:
         """Pull the cable; `brake_by_itself` is due RECOMMENDED_TIMEOUT_S later."""
         self._twin.advance()
-        self._present = False
+        self.present = False
 
     def brake_by_itself(self) -> None:
         """Brake as the controller does after its timeout without commands."""
         self._twin.advance()
-        if not self._present:
+        if not self.present:
             self._twin.demand = BrakeDemand(RECOMMENDED_BRAKE_A)
 
     def plug(self) -> None:
         """Plug the cable in again."""
         self._twin.advance()
-        self._present = True
-
-    def latch_fault(self, words: str) -> None:
-        """Brake from now on, as the driver does while a fault is latched."""
-        self._fault = self._fault or words
+        self.present = True
 
     def retry_fault(self) -> None:
-        """Keep the latched fault: this controller has none of its own."""
-
-    def clear_fault(self) -> None:
-        """Clear the latched fault."""
-        self._fault = ""
+        """Keep the latched fault."""
 
 
 def demand_of(drive: Drive, vehicle: Vehicle) -> Demand:
