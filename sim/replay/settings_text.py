@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from wallride.runtime.recording.channels import SETTINGS
 from wallride.runtime.settings.tree import Settings, SettingsError, in_file, load_settings, settings_from, to_toml
 from wallride.sim.replay.drive_log import DriveLog
+from wallride.sim.scenario.toml_lines import flat
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,14 +24,6 @@ class TunedSetting:
     name: str
     old: object
     new: object
-
-
-def flat(section: Mapping[str, Any], before: str = "") -> dict[str, object]:
-    """Return nested settings by their dotted names."""
-    found: dict[str, object] = {}
-    for name, value in section.items():
-        found.update(flat(value, f"{before}{name}.") if isinstance(value, Mapping) else {f"{before}{name}": value})
-    return found
 
 
 def tuned_in(log: DriveLog) -> list[TunedSetting]:

@@ -8,9 +8,9 @@ from wallride.runtime.control.line_following.lap_memory import SECTORS
 from wallride.runtime.settings.tree import Settings, to_toml
 from wallride.sim.figures.summary import SETTLE_BAND_M, SETTLED_FOR_S
 from wallride.sim.replay.run import RecordedRun
-from wallride.sim.replay.settings_text import flat
 from wallride.sim.run_report.events import NOT_KNOWN, text
 from wallride.sim.run_report.shown import Shown
+from wallride.sim.scenario.toml_lines import flat
 
 ROWS = (
     ("duration_s", "duration", "s"),

@@ -32,7 +32,7 @@ after_s = 4.0
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -53,7 +53,7 @@ from wallride.sim.scenario.scenario_parts import (
     ScenarioWall,
 )
 from wallride.sim.scenario.simulated_car import find_config
-from wallride.sim.scenario.toml_lines import FileMistakeError, TomlText, read_toml
+from wallride.sim.scenario.toml_lines import FileMistakeError, TomlText, flat, read_toml
 from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.obstacles import Obstacle, ObstacleWorld
 from wallride.sim.world.place import World
@@ -120,9 +120,9 @@ def load_scenario(path: Path, config: Path | None = None, assignments: Sequence[
         place = tuple(part for part in first["loc"] if part in _names_in(text.tree) or isinstance(part, int))
         raise text.mistake(place, _sentence(first)) from None
     search_in(path.absolute().parent)
-    assignments = [*(f"{name}={json.dumps(value)}" for name, value in _flat(content.settings)), *assignments]
+    assignments = [*(f"{name}={json.dumps(value)}" for name, value in flat(content.settings).items()), *assignments]
     assignments = [f"process.laws_folder={json.dumps(str(path.absolute().parent))}", *assignments]
-    settings = _settings(text, config, assignments, [name for name, _ in _flat(content.settings)])
+    settings = _settings(text, config, assignments, list(flat(content.settings)))
     world = _world(text, content, settings)
     _check_times(text, content)
     _check_laps(text, content, world)
@@ -175,14 +175,6 @@ def _known_at(loc: Sequence[str | int]) -> list[str]:
 
 def _keys_of(table: type[BaseModel]) -> list[str]:
     return list(table.model_fields)
-
-
-def _flat(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
-    for name, value in tree.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{above}{name}.")
-        else:
-            yield f"{above}{name}", value
 
 
 def _settings(text: TomlText, config: Path | None, assignments: Sequence[str], names: Sequence[str]) -> Settings:

@@ -3,7 +3,7 @@
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date, time
 from pathlib import Path
@@ -43,6 +43,17 @@ class TomlText:
     def mistake(self, place: Sequence[str | int], words: str) -> FileMistakeError:
         """Return the error about a place."""
         return FileMistakeError(f"{self.path}:{self.line_of(place)}: {words}")
+
+
+def flat(tree: Mapping[str, Any], values_with: Iterable[str] = (), above: str = "") -> dict[str, Any]:
+    """Return nested values by their dotted names; a table with one of the keys `values_with` is itself a value."""
+    found: dict[str, Any] = {}
+    for name, value in tree.items():
+        if isinstance(value, Mapping) and value.keys().isdisjoint(values_with):
+            found |= flat(value, values_with, f"{above}{name}.")
+        else:
+            found[f"{above}{name}"] = value
+    return found
 
 
 def read_toml(path: Path) -> TomlText:

@@ -37,7 +37,7 @@ from wallride.sim.lab.sweep.drive_cell import (
     digest,
     setup_of,
 )
-from wallride.sim.scenario.toml_lines import KeyPath, TomlText, read_toml
+from wallride.sim.scenario.toml_lines import KeyPath, TomlText, flat, read_toml
 from wallride.sim.world.worlds import is_map
 
 SEEDS, GRID, RANDOM = "seeds", "grid", "random"
@@ -143,19 +143,10 @@ def _named(text: TomlText, table: str | None, tree: object) -> dict[str, Any]:
     """Return the values of a table by their dotted names; every name is known."""
     if not isinstance(tree, dict):
         raise text.mistake((table or "",), f"{table} is a table; write [{table}] and its values below")
-    values = dict(_flat(tree))
+    values = flat(tree, values_with=("from", "to"))
     for name in values:
         _check_name(text, table, name)
     return values
-
-
-def _flat(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield dotted names and values; a range is a value."""
-    for name, value in tree.items():
-        if isinstance(value, dict) and not {"from", "to"} & value.keys():
-            yield from _flat(value, f"{above}{name}.")
-        else:
-            yield f"{above}{name}", value
 
 
 def _check_name(text: TomlText, table: str | None, name: str) -> None:
