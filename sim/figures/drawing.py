@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
@@ -27,7 +26,6 @@ def save_plot(path: Path, world: World, track: Floats, times_s: Floats, errors_m
     the wall's distance less the wanted one, inf or NaN where there was no wall. An empty run draws the world.
     """
     figure = Figure(figsize=(10, 8), layout="constrained")
-    FigureCanvasAgg(figure)
     above, below = figure.subplots(2, 1, height_ratios=[3, 1])
     _draw_world(above, world, track)
     above.set_title(title)
@@ -38,7 +36,6 @@ def save_plot(path: Path, world: World, track: Floats, times_s: Floats, errors_m
 def save_comparison(path: Path, pairs: Sequence[ComparedSteering], title: str) -> None:
     """Write a picture of two steering angles over time: ours, and the recorded car's program's."""
     figure = Figure(figsize=(10, 4), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots()
     times_s = [pair.time_s for pair in pairs]
     axes.step(times_s, [pair.recorded_rad for pair in pairs], where="post", color="0.6", label="recorded")

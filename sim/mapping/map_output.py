@@ -5,7 +5,7 @@ recording began, x ahead. `wallride line` finds it beside the map.
 """
 
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Final
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from wallride.sim.mapping.closing import ClosedLap
 from wallride.sim.mapping.lap_record import LapRecord
 from wallride.sim.mapping.odometry_path import of_the_axle
 from wallride.sim.mapping.raster import CELL_M, Raster
+from wallride.sim.racing.line_file import empty_picture
 from wallride.sim.racing.ring import PATH_SUFFIX
 from wallride.sim.world.pose import Floats
 
@@ -53,16 +54,6 @@ def map_files(stem: Path, raster: Raster, path: Floats, walls: str, about: str, 
         way: "\n".join([f"# {about}", f"# {'; '.join(COLUMNS)}", *rows, ""]),
         lines: walls,
     }
-
-
-def empty_picture() -> tuple[Any, Any]:
-    """Return a figure of matplotlib, and its axes."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10, 8), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure, figure.subplots()
 
 
 def save_picture(file: IO[bytes], raster: Raster, path: Floats, lap: ClosedLap, title: str) -> None:

@@ -5,7 +5,7 @@ those of TUM's global_racetrajectory_optimization, but for the heading, which is
 axis).
 """
 
-from typing import IO, Final
+from typing import IO, Any, Final
 
 import numpy as np
 
@@ -32,18 +32,22 @@ def text_of(line: RaceLine, about: str, map_print: str = "", *, is_against_lap: 
     return "\n".join([*head, f"# {'; '.join(COLUMNS)}", *rows, ""])
 
 
+def empty_picture() -> tuple[Any, Any]:
+    """Return a figure of matplotlib, and its axes."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 8), layout="constrained")
+    return figure, figure.subplots()
+
+
 def save_picture(file: IO[bytes], outline_m: np.ndarray, line: RaceLine, title: str) -> None:
     """Write a picture of the line on its map, coloured by speed, as PNG.
 
     outline_m: segments x0, y0, x1, y1, shape (k, 4).
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.collections import LineCollection
-    from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10, 8), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
+    figure, axes = empty_picture()
     axes.add_collection(LineCollection(list(outline_m.reshape(-1, 2, 2)), colors="0.35", linewidths=0.8))
     points = np.column_stack([line.x_m, line.y_m])
     pieces = np.stack([points, np.roll(points, -1, axis=0)], axis=1)

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from benchmarks.lab.recorded.episodes import Episode
@@ -36,7 +35,6 @@ def save_episode(folder: Path, done: Replay, number: int, episode: Episode) -> P
     """Write the picture of one interference; returns its path."""
     judged = done.judged[episode.worst]
     figure = Figure(figsize=(8, 8), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots()
     _draw_scan(axes, judged)
     _draw_way(axes, judged)
@@ -61,7 +59,6 @@ def save_episode(folder: Path, done: Replay, number: int, episode: Episode) -> P
 def save_window(folder: Path, done: Replay) -> Path:
     """Write a picture of all ranges by bearing and scan, with the beams that count as dirty."""
     figure = Figure(figsize=(11, 8), layout="constrained")
-    FigureCanvasAgg(figure)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[5, 1])
     ranges_m = np.array([judged.scan.ranges_m for judged in done.judged])
     at_deg = np.degrees(bearings_rad(done.recording.angle_min_rad, done.recording.angle_step_rad, done.recording.beams))
