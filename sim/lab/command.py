@@ -27,7 +27,6 @@ from wallride.sim.world.own_parts import OWN_PARTS
 from wallride.sim.world.pose import Side
 
 C = TypeVar("C", bound=Cell)
-FAILED = 1
 USAGE_ERROR = 2
 INTERRUPTED = 130
 SPEEDS_MPS, QUICK_SPEEDS_MPS = (1.0, 2.0, 3.0, 4.0), (1.0, 3.0)
@@ -73,10 +72,7 @@ def run(options: argparse.Namespace) -> int:
     write(options, choice, figures, tables, took_s)
     if options.json != "-":
         show(tables, f"{len(cells)} runs in {took_s:.0f} s")
-    faults = laws.own_law_faults(choice.laws, figures)
-    for fault in faults:
-        print(f"wallride: the car stood: {fault}", file=sys.stderr)  # noqa: T201 - this is the command's voice
-    return FAILED if faults else 0
+    return laws.tell_own_law_faults(choice.laws, figures)
 
 
 def chosen(options: argparse.Namespace, mus: tuple[float, ...] = MUS) -> CellChoice:

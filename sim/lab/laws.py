@@ -5,6 +5,7 @@
 the user, and "my_laws:Follower+my_laws:Guard" one of the user's safety laws beside the car's own.
 """
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -116,6 +117,14 @@ def own_law_faults(laws: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> li
     names = tuple(f"{name} " for law in laws for name in law.split("+") if is_own(name))
     reasons = {str(row.get("last_reason", "")) for row in rows}  # a fault lasts to the end of a run
     return sorted(reason for reason in reasons if names and reason.startswith(names))
+
+
+def tell_own_law_faults(laws: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> int:
+    """Say on standard error which of the user's laws stopped a car; return the exit code, 0 where none did."""
+    faults = own_law_faults(laws, rows)
+    for fault in faults:
+        print(f"wallride: the car stood: {fault}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+    return 1 if faults else 0
 
 
 def drive_case(cell: Cell, case: Case, navigator: Follower | None = None, guard: Guard | None = None) -> SimulatedRun:

@@ -15,7 +15,7 @@ from wallride.runtime.host.output_files import write_files
 from wallride.runtime.settings.tree import SettingsError
 from wallride.sim.lab import laws
 from wallride.sim.lab.cell import Cell, Figures
-from wallride.sim.lab.command import FAILED, INTERRUPTED, USAGE_ERROR
+from wallride.sim.lab.command import INTERRUPTED, USAGE_ERROR, LabUsageError
 from wallride.sim.lab.pool import measure_all
 from wallride.sim.lab.report.plan import REPORT_LAW, ReportPlan, first_round, second_round
 from wallride.sim.lab.report.tables import averaged
@@ -29,10 +29,6 @@ FIXED = {"wall_follow.method": "--method", "safety.method": "--method FOLLOWER+G
 FRICTION_MU = 0.8
 
 
-class ReportUsageError(Exception):
-    """Invalid option; the text names the fault and the valid form."""
-
-
 def run(options: argparse.Namespace) -> int:
     """Drive everything and write the pages; 0, 1 when an own law failed, 2 for a wrong option, 130 after Ctrl-C."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for the workers: one thread each
@@ -42,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
         plan = plan_of(options)
         folder = _folder(options.output)
         rows = measure(plan, options.jobs, console)
-    except (ReportUsageError, ConditionsError) as error:
+    except (LabUsageError, ConditionsError) as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
         return USAGE_ERROR
     except KeyboardInterrupt:
@@ -52,10 +48,7 @@ def run(options: argparse.Namespace) -> int:
     count = sum(map(len, rows.values()))
     took_s = time.monotonic() - began_s
     print(f"{folder / 'report.html'} and report.md: {count} runs in {took_s:.0f} s")  # noqa: T201
-    faults = laws.own_law_faults([plan.law], [row for some in rows.values() for row in some])
-    for fault in faults:
-        print(f"wallride: the car stood: {fault}", file=sys.stderr)  # noqa: T201
-    return FAILED if faults else 0
+    return laws.tell_own_law_faults([plan.law], [row for some in rows.values() for row in some])
 
 
 def measure(plan: ReportPlan, jobs: int | None, console: Console) -> dict[str, list[Figures]]:
@@ -82,20 +75,20 @@ def write(plan: ReportPlan, rows: Mapping[str, list[Figures]], folder: Path) -> 
 
 
 def plan_of(options: argparse.Namespace) -> ReportPlan:
-    """Return the choice of the options; ReportUsageError for an invalid one."""
+    """Return the choice of the options; LabUsageError for an invalid one."""
     try:
         law = laws.check(options.method)
     except ValueError as error:
-        raise ReportUsageError(f"--method {options.method}: {error}") from None
+        raise LabUsageError(f"--method {options.method}: {error}") from None
     if law.endswith("+none") or law.startswith("report+"):
-        raise ReportUsageError(f"--method {options.method}: write a follower other than report, with its safety")
+        raise LabUsageError(f"--method {options.method}: write a follower other than report, with its safety")
     conditions, friction, own_parts, wild = _conditions(options)
     if own_parts not in OWN_PARTS:
-        raise ReportUsageError(f"--own-parts {own_parts}: write one of {', '.join(OWN_PARTS)}")
+        raise LabUsageError(f"--own-parts {own_parts}: write one of {', '.join(OWN_PARTS)}")
     if not 0.1 <= friction <= 2.0:
-        raise ReportUsageError(f"--friction {friction:g}: write a number from 0.1 to 2")
+        raise LabUsageError(f"--friction {friction:g}: write a number from 0.1 to 2")
     if not 0.0 <= wild <= 0.5:
-        raise ReportUsageError(f"--wild {wild:g}: write a share from 0 to 0.5")
+        raise LabUsageError(f"--wild {wild:g}: write a share from 0 to 0.5")
     texts = {name: tuple(_settings(options.assignments, name)) for name in LAWS}
     plan = ReportPlan(
         law, texts["report"], texts["law"], friction, own_parts, options.seed, conditions=conditions, wild=wild
@@ -104,11 +97,11 @@ def plan_of(options: argparse.Namespace) -> ReportPlan:
         try:
             plan.settings(one)
         except SettingsError as error:
-            raise ReportUsageError(
+            raise LabUsageError(
                 f"{one}: {error}; for one law write --set report.KEY=VALUE or --set law.KEY=VALUE"
             ) from None
     if plan.settings(REPORT_LAW).wall_follow.side != plan.settings(law).wall_follow.side:
-        raise ReportUsageError("--set wall_follow.side: both laws follow one side")
+        raise LabUsageError("--set wall_follow.side: both laws follow one side")
     return plan
 
 
@@ -128,7 +121,7 @@ def _settings(assignments: Sequence[str], whose: str) -> list[str]:
         prefix, _, rest = text.partition(".")
         key = (rest if prefix in LAWS else text).partition("=")[0].strip()
         if key in FIXED:
-            raise ReportUsageError(f"--set {text}: use {FIXED[key]}")
+            raise LabUsageError(f"--set {text}: use {FIXED[key]}")
         if prefix == whose:
             found.append(rest)
         elif prefix not in LAWS:
@@ -138,9 +131,9 @@ def _settings(assignments: Sequence[str], whose: str) -> list[str]:
 
 def _folder(path: Path) -> Path:
     if path.exists() and not path.is_dir():
-        raise ReportUsageError(f"-o {path}: is a file; name a folder for the pages")
+        raise LabUsageError(f"-o {path}: is a file; name a folder for the pages")
     if not path.absolute().parent.is_dir():
-        raise ReportUsageError(f"-o {path}: there is no folder {path.parent}; make it first")
+        raise LabUsageError(f"-o {path}: there is no folder {path.parent}; make it first")
     if not os.access(path if path.exists() else path.absolute().parent, os.W_OK | os.X_OK):
-        raise ReportUsageError(f"-o {path}: is not writable; name another folder")
+        raise LabUsageError(f"-o {path}: is not writable; name another folder")
     return path

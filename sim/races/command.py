@@ -13,7 +13,7 @@ from rich.console import Console
 
 from wallride.sim.lab import laws
 from wallride.sim.lab.cell import CellChoice, Figures
-from wallride.sim.lab.command import FAILED, INTERRUPTED, USAGE_ERROR, LabUsageError, chosen, only, show, write
+from wallride.sim.lab.command import INTERRUPTED, USAGE_ERROR, LabUsageError, chosen, only, show, write
 from wallride.sim.lab.laps import LOOPS
 from wallride.sim.lab.pool import in_order, progress_bar
 from wallride.sim.lab.workers.submit import submit
@@ -56,10 +56,7 @@ def run(options: argparse.Namespace) -> int:
     write(options, choice, rows, made, took_s)
     if options.json != "-":
         show(made, f"{len(cells)} races in {took_s:.0f} s")
-    faults = laws.own_law_faults(choice.laws, rows)
-    for fault in faults:
-        print(f"wallride: the car stood: {fault}", file=sys.stderr)  # noqa: T201 - this is the command's voice
-    return FAILED if faults else 0
+    return laws.tell_own_law_faults(choice.laws, rows)
 
 
 def race_choice(options: argparse.Namespace) -> CellChoice:

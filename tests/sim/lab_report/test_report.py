@@ -13,6 +13,7 @@ from rich.console import Console
 
 from tests.typed import typed
 from wallride.runtime.parameters.catalogue import catalogue
+from wallride.sim.lab.command import LabUsageError
 from wallride.sim.lab.report import drives, published, tables, wall_ahead
 from wallride.sim.lab.report.differences import differences
 from wallride.sim.lab.report.drives import Starts
@@ -29,7 +30,7 @@ from wallride.sim.lab.report.plan import (
     trial,
     variations,
 )
-from wallride.sim.lab_report.command import ReportUsageError, measure, plan_of, run, write
+from wallride.sim.lab_report.command import measure, plan_of, run, write
 from wallride.sim.lab_report.page import conditions, document
 from wallride.sim.scenario.conditions import ConditionsError
 
@@ -372,7 +373,7 @@ def test_the_page_fetches_nothing_and_has_its_figures(rows, tmp_path):
     ],
 )
 def test_wrong_options_say_what_to_write(arguments, words):
-    with pytest.raises(ReportUsageError, match=re.escape(words)):
+    with pytest.raises(LabUsageError, match=re.escape(words)):
         plan_of(options(*arguments))
 
 
