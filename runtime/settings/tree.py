@@ -307,10 +307,10 @@ def _assign(tree: dict[str, Any], assignment: str) -> None:
         if not isinstance(branch, dict):
             raise SettingsError(f"--set {assignment}: {name} is a value, not a section")
         tree = branch
-    tree[names[-1]] = _value(text.strip())
+    tree[names[-1]] = read_value(text.strip())
 
 
-def _value(text: str) -> object:
+def read_value(text: str) -> object:
     """Read a value as TOML would, or as bare text: `right` and `"right"` are the same."""
     try:
         return tomllib.loads(f"value = {text}")["value"]

@@ -16,6 +16,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
 from wallride.runtime.host.text_file import read_text
+from wallride.runtime.settings.tree import read_value
 from wallride.sim.car.vehicle_settings import VehicleSettings
 from wallride.sim.car.wiring import NO_ERRORS, WiringErrors
 from wallride.sim.scenario.obstacle_text import read_obstacle
@@ -214,11 +215,7 @@ def _assign(tree: dict[str, Any], assignment: str) -> None:
     key, equals, text = assignment.partition("=")
     if not equals or key.count(".") != 1:
         raise ConditionsError(f"--condition {assignment}: write vehicle.KEY=VALUE, lidar.KEY=VALUE or wiring.KEY=VALUE")
-    try:
-        value: Any = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        value = text
-    _put(tree, key.strip(), value)
+    _put(tree, key.strip(), read_value(text))
 
 
 def _put(tree: dict[str, Any], key: str, value: Any) -> None:  # noqa: ANN401 - checked when the tree is validated

@@ -2,7 +2,6 @@
 
 import argparse
 import sys
-import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -14,9 +13,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from wallride.runtime.host.output_files import write_file
 from wallride.runtime.parameters.toml_text import set_value
-from wallride.runtime.settings.tree import SettingsError, load_settings
+from wallride.runtime.settings.tree import SettingsError, load_settings, read_value
 from wallride.sim.lab import laws
-from wallride.sim.lab.command import FIXED_SETTINGS, INTERRUPTED, USAGE_ERROR
+from wallride.sim.lab.command import FIXED_SETTINGS, INTERRUPTED, USAGE_ERROR, LabUsageError
 from wallride.sim.lab.pool import Measuring, in_order
 from wallride.sim.lab.tuning.drive import SCENARIOS, Scenario
 from wallride.sim.lab.workers.finished_cell import WorkerStartError
@@ -30,10 +29,6 @@ from wallride.sim.tuning.verdict import TuningVerdict, drives_to_judge, judge
 GIVEN = "given by --set"
 
 
-class TuneUsageError(Exception):
-    """Invalid option; the text names the fault and the valid form."""
-
-
 def run(options: argparse.Namespace) -> int:
     """Run or continue a study; 0, 2 for a wrong option, 130 after Ctrl-C, which keeps what is finished."""
     console = Console(stderr=True)
@@ -41,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         plan = plan_of(options)
         verdict = study_and_judge(plan, folder, options, console)
-    except (TuneUsageError, ConditionsError, SpaceError, StudyError, WorkerStartError) as error:
+    except (LabUsageError, ConditionsError, SpaceError, StudyError, WorkerStartError) as error:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
         return USAGE_ERROR
     except KeyboardInterrupt:
@@ -59,9 +54,9 @@ def run(options: argparse.Namespace) -> int:
 def study_and_judge(plan: TuningPlan, folder: Path, options: argparse.Namespace, console: Console) -> TuningVerdict:
     """Run the trials that are missing and write the page and the settings file."""
     if folder.exists() and not folder.is_dir():
-        raise TuneUsageError(f"-o {folder}: is a file; name a folder for the study")
+        raise LabUsageError(f"-o {folder}: is a file; name a folder for the study")
     if not folder.absolute().parent.is_dir():
-        raise TuneUsageError(f"-o {folder}: there is no folder {folder.parent}; make it first")
+        raise LabUsageError(f"-o {folder}: there is no folder {folder.parent}; make it first")
     study = open_study(folder, plan)
     with (
         TuningProgress(console, options.trials, len(plan.scenarios)) as progress,
@@ -124,19 +119,19 @@ class TuningProgress:
 def plan_of(options: argparse.Namespace) -> TuningPlan:
     """Return the plan of the options; an exception of this package for an invalid one."""
     if options.method.endswith("+none"):
-        raise TuneUsageError(f"--method {options.method}: a law is tuned with its safety; leave +none out")
+        raise LabUsageError(f"--method {options.method}: a law is tuned with its safety; leave +none out")
     try:
         law = laws.check(options.method)
         settings = laws.settings_of(law, "left", 1.0, 1.0, options.assignments)
     except (ValueError, SettingsError) as error:
-        raise TuneUsageError(f"{options.method}: {error}") from None
+        raise LabUsageError(f"{options.method}: {error}") from None
     fixed = next((text for text in options.assignments if text.partition("=")[0].strip() in FIXED_SETTINGS), None)
     if fixed is not None:
-        raise TuneUsageError(f"--set {fixed}: every scenario has its own")
+        raise LabUsageError(f"--set {fixed}: every scenario has its own")
     parameters = tuple(space_of(settings, options.parameters))
     twice = {text.partition("=")[0].strip() for text in options.assignments} & {one.name for one in parameters}
     if twice:
-        raise TuneUsageError(f"{', '.join(sorted(twice))}: is both set and tuned; leave one of them out")
+        raise LabUsageError(f"{', '.join(sorted(twice))}: is both set and tuned; leave one of them out")
     conditions = named_conditions(RequestedConditions(options.conditions, options.condition))
     return TuningPlan(law, tuple(options.assignments), parameters, _scenarios(options.only), options.seed, conditions)
 
@@ -149,7 +144,7 @@ def _scenarios(text: str | None) -> tuple[Scenario, ...]:
     known = [course for course, _ in SCENARIOS]
     wrong = next((course for course in wanted if course not in known), None)
     if wrong is not None:
-        raise TuneUsageError(f"--only {wrong}: no scenario has this course; write some of {', '.join(known)}")
+        raise LabUsageError(f"--only {wrong}: no scenario has this course; write some of {', '.join(known)}")
     return tuple(scenario for scenario in SCENARIOS if scenario[0] in wanted)
 
 
@@ -169,7 +164,7 @@ def settings_text(plan: TuningPlan, verdict: TuningVerdict, version: str) -> str
         text = _put(text, "safety.method", guard, "given by --method")
     for assignment in plan.settings:
         key, _, given = assignment.partition("=")
-        text = _put(text, key.strip(), _read(given), GIVEN)
+        text = _put(text, key.strip(), read_value(given.strip()), GIVEN)
     for one in plan.parameters:
         value = verdict.values[one.name]
         text = _put(text, one.name, value, f"trial {verdict.trial}, from {one.range_words()}; was {one.present}")
@@ -184,13 +179,6 @@ def write_settings(path: Path, text: str) -> None:
     except SettingsError:
         path.unlink()
         raise
-
-
-def _read(value: str) -> object:
-    try:
-        return tomllib.loads(f"value = {value}")["value"]
-    except (RecursionError, ValueError):
-        return value.strip()
 
 
 def _put(text: str, name: str, value: object, comment: str) -> str:
