@@ -1,4 +1,4 @@
-"""Rules of the source that no linter knows: one name for one class, rooms that can be overlooked, plain subjects."""
+"""Rules that no linter knows: one name for one class, rooms that can be overlooked, plain subjects, short pages."""
 
 import ast
 import re
@@ -15,6 +15,7 @@ MAX_MODULES = 20
 MAX_PARAMETERS, MANY_PARAMETERS, MAX_WITH_MANY = 8, 6, 10
 MAX_LINES, MAX_FUNCTION_LINES = 400, 42
 MAX_RIDDLES = 10
+MAX_PAGE_WORDS = 40_000
 RIDDLES = re.compile(r"\b(whoever|nobody|somebody|everybody)\b", re.IGNORECASE)
 
 
@@ -137,3 +138,20 @@ def test_no_advice_installs_wallride_from_an_index_where_it_is_not():
 def test_no_example_prints_nan_since_a_beam_without_a_return_is_nan():
     pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "docs" / "examples").glob("*.py")]
     assert not [page.name for page in pages if re.search(r"ranges_m\.(min|max|mean)\(", page.read_text())]
+
+
+def written_pages():
+    """Return the pages that are written by hand: not those that the reference and the fault tests generate."""
+    pages = {*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "benchmarks").rglob("*.md")}
+    return {page for page in pages if "reference" not in page.parts and page.name != "faults.md"}
+
+
+def test_the_pages_are_short_enough_to_be_read():
+    words = {str(page.relative_to(ROOT)): len(page.read_text(encoding="utf-8").split()) for page in written_pages()}
+    assert len(words) > 60
+    longest = ", ".join(f"{page} {words[page]}" for page in sorted(words, key=lambda page: -words[page])[:5])
+    assert sum(words.values()) <= MAX_PAGE_WORDS, (
+        f"the pages have {sum(words.values())} words, {MAX_PAGE_WORDS} are allowed: say each fact once, on the page "
+        f"where a reader looks for it, and link to it from the others; leave to docs/reference what is generated, and "
+        f"replace a figure by its successor. Longest: {longest}"
+    )
