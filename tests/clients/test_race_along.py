@@ -9,6 +9,7 @@ from tests.runtime.test_map_files import box, write
 from tests.typed import typed
 from wallride.clients import race_along
 from wallride.clients.connection import ConnectionProblemError
+from wallride.runtime.parameters import file as settings_file
 from wallride.runtime.parameters.history import ChangeHistory
 from wallride.runtime.parameters.restart import RestartDesk
 from wallride.runtime.parameters.server import ParameterServer, ServerContext
@@ -109,7 +110,7 @@ async def test_a_car_that_does_not_answer_after_the_write_has_its_file_told(made
 async def test_of_two_who_write_at_once_none_is_told_the_other_s_speed(made, car_toml):
     other = {"wall_follow.speed_mps": 5.0}
     async with Car() as car:
-        car.check = lambda: race_along.settings_file.save(car_toml, other, other)
+        car.check = lambda: settings_file.save(car_toml, other, other)
         with pytest.raises(ConnectionProblemError, match=r"another program just now, .* wall_follow\.speed_mps = 5"):
             await car.race(made, "--config", car_toml, "--speed", "4")
 
