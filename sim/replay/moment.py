@@ -4,6 +4,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import Any
 
 from wallride.runtime.arbitration.command import NO_WINNER, Output
@@ -30,8 +31,9 @@ MIN_SHOWN_MPS = 0.005
 class Moment:
     """One answered scan. time_s: since the decision log began. output: the next decision; None where none follows.
 
-    asked_s: the time asked for, where it is later than the next scan would be; NaN else. faults: what went wrong from
-    just before the scan on, with its time.
+    then: decisions for another reason before the next answer, as of a scan that grew too old. asked_s: the time asked
+    for, where it is later than the next scan would be; NaN else. faults: what went wrong from just before the scan on,
+    with its time.
     """
 
     scan: int
@@ -40,6 +42,7 @@ class Moment:
     output: Output | None
     asked_s: float = math.nan
     faults: Sequence[tuple[float, str]] = ()
+    then: Sequence[Output] = ()
 
     def lines(self) -> list[str]:
         """Return what is shown of it."""
@@ -49,14 +52,16 @@ class Moment:
         if self.output is None:
             return [*said, "  the recording ends before a decision on it", *troubles]
         decision = self.output.decision
-        reason = because(decision.reason, decision.measure)
-        said.append(f"  decided   {decision.winner or NO_WINNER}: {_speed(decision.speed_mps)}: {reason}")
+        said.append(f"  decided   {_decided(self.output)}")
         if decision.driver is not None and decision.driver != decision.winner:
             said.append(f"            the drive is of {decision.driver}")
         sent = self.output.drive
         words = [_speed(sent.speed_mps), steering_words(sent.steering_rad)]
         words += ["a brake in its place"] * self.output.braked + ["not delivered"] * (not self.output.delivered)
-        return [*said, f"  sent      {', '.join(filter(None, words))}", *troubles]
+        later = [
+            f"  then      {output.stamp_s - self.output.stamp_s:.3f} s later {_decided(output)}" for output in self.then
+        ]
+        return [*said, f"  sent      {', '.join(filter(None, words))}", *later, *troubles]
 
     def as_plain(self) -> dict[str, Any]:
         """Return it as plain data for programs."""
@@ -69,13 +74,8 @@ class Moment:
                 "steering_rad": None if drive is None else drive.steering_rad,
                 "reason": self.answer.reason,
             },
-            "decision": None if output is None else {
-                "winner": output.decision.winner,
-                "driver": output.decision.driver,
-                "speed_mps": output.decision.speed_mps,
-                "reason": output.decision.reason,
-                "measure": output.decision.measure if math.isfinite(output.decision.measure) else None,
-            },
+            "decision": None if output is None else _plain(output),
+            "then": [_plain(one) for one in self.then],
             "sent": None if output is None else {
                 "speed_mps": output.drive.speed_mps,
                 "steering_rad": output.drive.steering_rad,
@@ -130,11 +130,39 @@ def _times_s(events: Sequence[Event]) -> dict[int, float]:
 
 def _moment(log: DriveLog, events: Sequence[Event], answer: FollowerEvent, asked_s: float = math.nan) -> Moment:
     later = (event.output for event in events if event.number > answer.number and isinstance(event, DecisionEvent))
+    output = next(later, None)
+    before_next = takewhile(
+        lambda event: not isinstance(event, FollowerEvent), (event for event in events if event.number > answer.number)
+    )
     time_s = _times_s(events)[answer.sequence]
     is_late = asked_s > time_s + LATE_S
     until_s = asked_s if is_late else time_s + AROUND_S
     faults = _faults(log, answer.sequence, time_s, until_s)
-    return Moment(answer.sequence, time_s, answer.guidance, next(later, None), asked_s if is_late else math.nan, faults)
+    then = _changes([event.output for event in before_next if isinstance(event, DecisionEvent)])
+    return Moment(answer.sequence, time_s, answer.guidance, output, asked_s if is_late else math.nan, faults, then)
+
+
+def _changes(outputs: Sequence[Output]) -> list[Output]:
+    """Return the decisions that have another winner or reason than the one before."""
+    minds = [(output.decision.winner, output.decision.reason) for output in outputs]
+    return [output for output, mind, before in zip(outputs[1:], minds[1:], minds, strict=False) if mind != before]
+
+
+def _decided(output: Output) -> str:
+    decision = output.decision
+    reason = because(decision.reason, decision.measure)
+    return f"{decision.winner or NO_WINNER}: {_speed(decision.speed_mps)}: {reason}"
+
+
+def _plain(output: Output) -> dict[str, Any]:
+    decision = output.decision
+    return {
+        "winner": decision.winner,
+        "driver": decision.driver,
+        "speed_mps": decision.speed_mps,
+        "reason": decision.reason,
+        "measure": decision.measure if math.isfinite(decision.measure) else None,
+    }
 
 
 def _faults(log: DriveLog, scan: int, time_s: float, until_s: float) -> list[tuple[float, str]]:

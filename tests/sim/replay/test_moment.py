@@ -1,6 +1,7 @@
 """`replay --scan` and `--at`: the follower's answer, the decision on it and what was sent, as they were recorded."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -48,6 +49,22 @@ def test_the_decision_is_the_first_after_the_answer(log, monkeypatch):
         at = next(i for i, e in enumerate(events) if isinstance(e, FollowerEvent) and e.sequence == scan)
         first = next(event.output for event in events[at:] if isinstance(event, DecisionEvent))
         assert moment_at_scan(log, scan).output is first
+
+
+def test_a_decision_for_another_reason_before_the_next_answer_is_told_too(log, monkeypatch):
+    events = events_of(log)
+    answer = next(event for event in events if isinstance(event, FollowerEvent) and event.sequence == 77)
+    ticks = [event for event in events if event.number > answer.number and isinstance(event, DecisionEvent)]
+    late = replace(ticks[0].output, decision=replace(ticks[0].output.decision, reason="the scan is late"))
+    late = replace(late, stamp_s=late.stamp_s + 0.01)
+    place = events.index(ticks[0]) + 1
+    told = [*events[:place], replace(ticks[0], output=late), replace(ticks[0], output=late), *events[place:]]
+    monkeypatch.setattr("wallride.sim.replay.moment.events_of", lambda _: told)
+    found = moment_at_scan(log, 77)
+    said = found.lines()[-1]
+    assert said.startswith("  then      0.010 s later navigation: ")
+    assert said.endswith(": the scan is late")
+    assert [one["reason"] for one in found.as_plain()["then"]] == ["the scan is late"]
 
 
 def test_a_time_means_the_newest_scan_before_it(log):
