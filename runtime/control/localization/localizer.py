@@ -22,7 +22,7 @@ LOST_SHARE, LOST_SCANS = 0.5, 6
 LEAST_BEAMS: Final = 15
 """Scans with fewer beams are no evidence: a covered lidar says nothing of the place."""
 FOUND_SCORE, SURE_SCORE = 0.55, 0.9
-"""Least nearness of a place that is found: 0.9 to 0.98 where nothing has changed since the map, 0.65 with people over
+"""Least nearness of a place that is found: 0.85 to 0.98 where nothing has changed since the map, 0.65 with people over
 half of the view. Above the second one a place that was told needs no comparison with others: elsewhere in its
 corridor, turned round, in one as wide, or in a corner that looks like it, a car has up to 0.89 there."""
 PLACED_M, PLACED_RAD = 0.3, math.radians(3.0)
