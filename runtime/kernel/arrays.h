@@ -103,6 +103,7 @@ KERNEL(find_dirt);
 KERNEL(find_near_places);
 KERNEL(places_behind);
 KERNEL(watch_sectors);
+KERNEL(lay_on_lines);
 KERNEL(over);
 KERNEL(set_constant);
 KERNEL(cast_cells);

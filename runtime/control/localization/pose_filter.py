@@ -3,11 +3,10 @@
 Seven states: x [m], y [m], yaw [rad] of the rear axle on the map; its turn [rad/s]; true way over reported way; the
 slip of the rear axle [s2/m], which moves aside by slip * speed^2 * turn; and the angle [rad] by which the wheels turn
 the car more to the left than the steering says, by trim and tyres. The turn follows the wheels as a car with inertia
-does. A scan is laid over the map by at most STEPS Gauss-Newton steps with the prediction as prior; what that moves the
-pose by moves the other states with it.
+does. A scan is laid over the map with the prediction as prior (`scan_on_lines`); what that moves the pose by moves the
+other states with it.
 """
 
-import cmath
 import math
 from dataclasses import dataclass
 from typing import Final
@@ -15,21 +14,10 @@ from typing import Final
 import numpy as np
 
 from wallride.runtime.control.localization.line_field import LineField
+from wallride.runtime.control.localization.scan_on_lines import lay_on_lines
 from wallride.runtime.control.localization.scan_points import ScanPoints
-from wallride.runtime.control.perception.geometry import Floats, Places
+from wallride.runtime.control.perception.geometry import Floats
 
-STEPS: Final = 5
-ENOUGH_M, ENOUGH_RAD = 0.001, 0.0005
-KERNEL_M: Final = 0.05
-"""Width of the kernel that takes the weight of beams far from their wall, where the prediction is exact."""
-FITS_M: Final = 0.12
-"""Distance from its wall up to which a beam fits."""
-BEAM_STD_M, BEAMS_ALIKE = 0.05, 40.0
-"""Beams share the map's errors: all of a scan together count as so many independent ones with this deviation."""
-WEAK_SHARE: Final = 0.04
-"""Least ratio of the information in the two directions of the plane; below it the wheels have the weaker one."""
-FACES: Final = 0.35
-"""Least component of a normal along a direction that counts as information on it: noise turns normals by less."""
 WAY_SHARE, ASIDE_SHARE, STILL_M = 0.04, 0.04, 0.002
 SLIP_SHARE: Final = 1.0
 STILL_RAD: Final = 0.002
@@ -161,22 +149,11 @@ class PoseFilter:
         """Lay a scan over the map, and return how it fits."""
         before = self.covariance[:3, :3]
         prior = np.linalg.inv(before)
-        pose, told = self.state[:3].copy(), self.state[:3]
-        kernel_m2: Floats | None = None
-        scan = _Laid.at(self._field, points, pose)
-        for _ in range(STEPS):
-            if kernel_m2 is None:
-                doubt_m2 = 4.0 * np.einsum("ij,ij->j", scan.slopes, before @ scan.slopes)
-                doubt_m2[points.alone] = 0.0
-                kernel_m2 = KERNEL_M**2 + doubt_m2
-            information, pull, determined = scan.information(kernel_m2)
-            move = np.linalg.solve(prior + information, -(pull + prior @ (pose - told)))
-            pose += move
-            scan = _Laid.at(self._field, points, pose)
-            if abs(move[0]) + abs(move[1]) < ENOUGH_M and abs(move[2]) < ENOUGH_RAD:
-                break
-        self._take(pose - told, prior, np.asarray(np.linalg.inv(prior + information), np.float64))
-        return scan.fit(determined)
+        pose = tuple(self.state[:3].tolist())
+        moved, information, counts, determined = lay_on_lines(self._field, points, pose, before, prior)
+        after: Floats = np.linalg.inv(prior + np.reshape(information, (3, 3)))
+        self._take(np.array(moved), prior, after)
+        return Fit(*counts, points.places_m.size - sum(counts), determined)
 
     def _take(self, move: Floats, prior: Floats, after: Floats) -> None:
         """Move all states by what a scan has moved the pose by, and leave the pose the covariance `after`."""
@@ -185,60 +162,3 @@ class PoseFilter:
         self.state[2] = math.remainder(self.state[2], math.tau)
         before = self.covariance[:3, :3]
         self.covariance = self.covariance - gain @ (before - after) @ gain.T
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Laid:
-    """A scan at a pose: distances from the walls, and how they change with the pose, (3, n)."""
-
-    field: LineField
-    places_m: Places
-    off_m: Floats
-    slopes: Floats
-
-    @staticmethod
-    def at(field: LineField, points: ScanPoints, pose: Floats) -> "_Laid":
-        turn = cmath.exp(1j * float(pose[2]))
-        arms = points.places_m * turn
-        places = arms + complex(float(pose[0]), float(pose[1]))
-        lines = field.lines_at(places, points.ahead * turn)
-        normals = field.normals.take(lines)
-        slopes = np.empty((3, lines.size))
-        x, y = slopes[0], slopes[1]
-        x[:], y[:] = normals.real, normals.imag
-        np.multiply(arms.real, y, out=slopes[2])
-        slopes[2] -= arms.imag * x
-        off_m = places.real * x
-        off_m += places.imag * y
-        off_m -= field.offsets_m.take(lines)
-        return _Laid(field, places, off_m, slopes)
-
-    def information(self, kernel_m2: Floats) -> tuple[Floats, Floats, float]:
-        """Return the information on the pose (3, 3), its pull (3,), and how much of it is in the weaker direction."""
-        weights = self.off_m * self.off_m
-        weights /= kernel_m2
-        weights += 1.0
-        weights *= weights
-        np.divide(min(1.0, BEAMS_ALIKE / max(1, weights.size)) / BEAM_STD_M**2, weights, out=weights)
-        weighted = self.slopes * weights
-        information, pull = weighted @ self.slopes.T, weighted @ self.off_m
-        (a, b, _), (_, d, _) = information[:2].tolist()
-        if a + d <= 0.0:
-            return np.zeros((3, 3)), np.zeros(3), 0.0
-        weak_rad = 0.5 * math.atan2(2.0 * b, a - d) + 0.5 * math.pi  # direction of the least information
-        ux, uy = math.cos(weak_rad), math.sin(weak_rad)
-        toward = ux * self.slopes[0] + uy * self.slopes[1]
-        toward *= np.abs(toward) > FACES
-        strongest = 0.5 * (a + d) + math.hypot(0.5 * (a - d), b)
-        determined = float((weights * toward) @ toward) / strongest
-        if determined < WEAK_SHARE:
-            strong = np.array([[uy * uy, -ux * uy, 0.0], [-ux * uy, ux * ux, 0.0], [0.0, 0.0, 1.0]])
-            information, pull = strong @ information @ strong, strong @ pull
-        return information, pull, determined
-
-    def fit(self, determined: float) -> Fit:
-        on_wall = np.abs(self.off_m) < FITS_M
-        count = int(np.count_nonzero(on_wall))
-        free = self.field.free.take(self.field.cells_at(self.places_m))
-        before = int(np.count_nonzero(free & ~on_wall))
-        return Fit(count, before, self.off_m.size - count - before, determined)

@@ -4,6 +4,10 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
+
+from wallride.runtime.control.localization.line_field import LineField
+from wallride.runtime.control.localization.scan_points import ScanPoints
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.window_dirt import Evidence, LearningShares
 from wallride.runtime.control.safety.footprint import Outline
@@ -13,6 +17,14 @@ from wallride.runtime.control.wall_following.ball_path import Ball, BallPath
 from wallride.runtime.control.wall_following.followed_wall import FollowedWall
 from wallride.runtime.control.wall_following.prediction import Shift
 from wallride.runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
+
+
+def _laying(ends_m, ahead, alone, near, far, normals, offsets_m, free, *numbers):
+    corner_x_m, corner_y_m, cell_m, rows, columns, *pose, before, prior = numbers
+    points = ScanPoints(ends_m, ahead, alone)
+    corner_m = complex(corner_x_m, corner_y_m)
+    field = LineField(corner_m, cell_m, rows, columns, near, far, normals, offsets_m, free)
+    return field, points, tuple(pose), np.reshape(before, (3, 3)), np.reshape(prior, (3, 3))
 
 
 def _lines(beams, rear, front):
@@ -107,6 +119,7 @@ def _rollouts(points_m, steering_rad, brake_mps2, grip_mps2, past_rad, coming_ra
 
 STRUCTURES: dict[str, Callable[..., Any]] = {
     "fit_wall_line": _fit,
+    "lay_on_lines": _laying,
     "find_followed_wall": _wall,
     "roll_ball": _ball,
     "drive_along_ball": _drive,

@@ -7,7 +7,8 @@ import pytest
 
 from tests.runtime.control.localization.rooms import BEAMS, LIDAR_M, corridor, ring
 from wallride.runtime.control.localization.line_field import field_of_cells
-from wallride.runtime.control.localization.pose_filter import WEAK_SHARE, PoseFilter, WheelStep
+from wallride.runtime.control.localization.pose_filter import PoseFilter, WheelStep
+from wallride.runtime.control.localization.scan_on_lines import WEAK_SHARE
 from wallride.runtime.control.localization.scan_points import AxleMotion, scan_points
 
 STILL = AxleMotion(0.0, 0.0, 0.0)

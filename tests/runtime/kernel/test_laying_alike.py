@@ -1,0 +1,87 @@
+"""Scans are laid over the lines of a map alike, at any pose, near the truth and far from it."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.runtime.control.localization.rooms import LIDAR_M, corridor, ring
+from tests.runtime.kernel.sameness import PYTHON, assert_same
+from wallride.drivers.accelerated import FUNCTIONS
+from wallride.runtime.control.localization.line_field import field_of_cells
+from wallride.runtime.control.localization.pose_filter import PoseFilter
+from wallride.runtime.control.localization.scan_points import AxleMotion, scan_points
+
+PLACES = ((9.6, 0.2, 0.4), (-0.2, 3.0, -1.5), (10.1, 5.6, 3.0))
+
+
+@pytest.fixture(scope="module")
+def seen():
+    """Return scans of two rooms, each with the field of its map and the pose from which it was taken."""
+    rooms = [(room, field_of_cells(room.cells)) for room in (ring(), corridor())]
+    motion = AxleMotion(2.0, 0.05, 0.4)
+    return [
+        (scan_points(room.scan(pose, noise_m=0.01), complex(LIDAR_M), motion), field, pose)
+        for room, field in rooms
+        for pose in PLACES
+    ]
+
+
+def arguments(one, off, std):
+    """Return the arguments of the C for a scan that is laid beside the pose from which it was taken."""
+    points, field, pose = one
+    covariance = np.diag(np.square(std))
+    covariance[0, 1] = covariance[1, 0] = 0.4 * std[0] * std[1]
+    at = tuple((np.array(pose) + off).tolist())
+    return FUNCTIONS["lay_on_lines"].flat(field, points, at, covariance, np.linalg.inv(covariance))
+
+
+@settings(max_examples=150)
+@given(
+    which=st.integers(0, 2 * len(PLACES) - 1),
+    off=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-0.3, 0.3)),
+    far_m=st.sampled_from([0.0, 0.0, 3.0, -1e5, 1e9]),
+    std=st.tuples(*[st.floats(0.002, 0.5)] * 3),
+    beams=st.sampled_from([None, 0, 1, 2, 15]),
+)
+def test_any_scan_is_laid_alike(compiled, seen, which, off, far_m, std, beams):
+    given_ = arguments(seen[which], (off[0] + far_m, *off[1:]), std)
+    given_ = (*(row[:beams] for row in given_[:3]), *given_[3:])
+    assert_same("lay_on_lines", PYTHON["lay_on_lines"](*given_), compiled["lay_on_lines"](*given_))
+
+
+def test_a_filter_is_corrected_alike(compared, seen):
+    for points, field, (x_m, y_m, yaw_rad) in seen[: len(PLACES)]:
+        follower = PoseFilter(field, 0.33)
+        follower.place(x_m + 0.05, y_m - 0.04, yaw_rad + 0.03, 0.1, 0.05)
+        follower.correct(points)
+        assert follower.state[:3].tolist() == pytest.approx((x_m, y_m, yaw_rad), abs=0.02)
+    assert compared["lay_on_lines"] == len(PLACES)
+
+
+@pytest.mark.parametrize("place", [8, 9, 10, 13, 15])
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e300])
+def test_what_is_no_number_reads_nothing_outside_of_the_map(compiled, seen, place, value):
+    given_ = list(arguments(seen[0], np.zeros(3), (0.1, 0.1, 0.1)))
+    given_[place] = value
+    laid = compiled["lay_on_lines"](*given_)
+    assert sum(laid[2]) <= given_[0].size
+
+
+def test_a_field_that_is_none_is_refused(compiled, seen):
+    given_ = arguments(seen[0], np.zeros(3), (0.1, 0.1, 0.1))
+    lines = given_[5].size
+    for line in (-1, lines):
+        wrong = np.full(given_[3].size, line, np.int32)
+        with pytest.raises(IndexError, match=f"no line {line}"):
+            compiled["lay_on_lines"](*given_[:3], wrong, *given_[4:])
+    for place in (1, 2, 4, 6, 7):
+        with pytest.raises(ValueError, match="different lengths"):
+            compiled["lay_on_lines"](*given_[:place], given_[place][1:].copy(), *given_[place + 1 :])
+    for rows, columns in ((0, 5), (-1, -1), (2**40, 2**40), (given_[3].size, 2)):
+        with pytest.raises(ValueError, match="different lengths"):
+            compiled["lay_on_lines"](*given_[:11], rows, columns, *given_[13:])
+    with pytest.raises(ValueError, match="Singular"):
+        compiled["lay_on_lines"](*(row[:0] for row in given_[:3]), *given_[3:17], (0.0,) * 9)
