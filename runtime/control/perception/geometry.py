@@ -80,3 +80,16 @@ def solid_places(x_m: Floats, y_m: Floats, solid: Booleans) -> Places:
 def any_nearer(solid: Booleans, ranges_m: Floats, reach_m: float) -> bool:
     """Return whether a solid beam has a range below reach_m."""
     return bool(np.count_nonzero(solid & (ranges_m < reach_m)))
+
+
+@accelerated
+def beside_path_m(points_m: Places, path_m: Places) -> Floats:
+    """Return the distance of points (k,) from a path (n,), n >= 2; 0 for those beyond its end."""
+    begins_m, chords = path_m[:-1], np.diff(path_m)
+    there_m = points_m[:, None] - begins_m
+    share = (there_m * chords.conj()).real / np.maximum(np.abs(chords) ** 2, 1e-12)
+    off_m = np.abs(there_m - np.clip(share, 0.0, 1.0) * chords)
+    nearest = off_m.argmin(axis=1)
+    apart_m: Floats = off_m.min(axis=1)
+    apart_m[(nearest == chords.size - 1) & (share[:, -1] > 1.0)] = 0.0
+    return apart_m

@@ -21,6 +21,7 @@ from wallride.runtime.control.perception.geometry import ENOUGH_POINTS, Booleans
 STEP_M = 0.06
 POSES_AT_ONCE = 24
 """Number of poses swept at once on a long path: the boxes are tighter, and a contact ends the computation early."""
+NOSE_STEP_M = 0.06
 MIN_SLEW_SPEED_MPS = 0.3
 """Minimum speed assumed for the slew: the wheels of a standing car would otherwise be turned before it has moved."""
 
@@ -64,10 +65,7 @@ class PathMotion(NamedTuple):
 
 @value(eq=False)
 class AxlePath:
-    """Poses of the rear axle, one every STEP_M: travelled distance, place, heading as a direction; shapes (n,).
-
-    curvature_per_m: shape (n,), or one number where it is the same everywhere.
-    """
+    """Poses of the rear axle, one every STEP_M: travelled distance, place, heading as a direction; shapes (n,)."""
 
     travel_m: Floats
     place_m: Places
@@ -96,6 +94,8 @@ class Contact:
 
 
 NOTHING = Contact(math.inf, 0.0, 0.0)
+Touch = tuple[float, float, float]
+"""travel_m, aside_m and curvature_per_m of a contact."""
 
 
 def arc(motion: PathMotion, steering_rad: float, length_m: float) -> AxlePath:
@@ -161,14 +161,13 @@ def _flat_sweep(
 @accelerated(flat=_flat_sweep)
 def sweep_arc(
     steering_rad: float, length_m: float, points_m: Places, outline: Outline, motion: tuple[float, ...]
-) -> tuple[float, float, float] | None:
+) -> Touch | None:
     """Return travel_m, aside_m and curvature_per_m of the first contact on an arc, or None.
 
     motion: fields of a `PathMotion`.
     """
     begun = PathMotion(*motion)
-    found = first_contact(arc(begun, steering_rad, length_m), outline, points_m, begun.direction)
-    return None if found is NOTHING else (found.travel_m, found.aside_m, found.curvature_per_m)
+    return _touch(arc(begun, steering_rad, length_m), outline, points_m, begun.direction)
 
 
 def first_contact(path: AxlePath, outline: Outline, points_m: Places, direction: float = 1.0) -> Contact:
@@ -176,17 +175,35 @@ def first_contact(path: AxlePath, outline: Outline, points_m: Places, direction:
 
     The travel is exact at the bumper (the third-deepest point) and up to one step too short at the flank.
     """
+    touch = sweep_path(path, outline, points_m, direction)
+    return NOTHING if touch is None else Contact(*touch)
+
+
+def _flat_path(path: AxlePath, outline: Outline, points_m: Places, direction: float) -> tuple[Any, ...]:
+    return (
+        path.travel_m, path.place_m, path.heading, path.curvature_per_m,
+        points_m, outline.front_m, outline.rear_m, outline.half_width_m, direction,
+    )  # fmt: skip
+
+
+@accelerated(flat=_flat_path)
+def sweep_path(path: AxlePath, outline: Outline, points_m: Places, direction: float) -> Touch | None:
+    """Return travel_m, aside_m and curvature_per_m of the first contact on a path, or None."""
+    return _touch(path, outline, points_m, direction)
+
+
+def _touch(path: AxlePath, outline: Outline, points_m: Places, direction: float) -> Touch | None:
     points_m = _in_reach(path, outline, points_m)
     if points_m.size < ENOUGH_POINTS:
-        return NOTHING
+        return None
     for first in range(0, path.travel_m.size, POSES_AT_ONCE):
         found = _first_in(path.part(first, first + POSES_AT_ONCE), outline, points_m, direction)
         if found is not None:
             return found
-    return NOTHING
+    return None
 
 
-def _first_in(path: AxlePath, outline: Outline, points_m: Places, direction: float) -> Contact | None:
+def _first_in(path: AxlePath, outline: Outline, points_m: Places, direction: float) -> Touch | None:
     near_m = _in_reach(path, outline, points_m)
     if near_m.size < ENOUGH_POINTS:
         return None
@@ -205,7 +222,7 @@ def _first_in(path: AxlePath, outline: Outline, points_m: Places, direction: flo
     third_m = float(np.partition(depth_m, -ENOUGH_POINTS)[-ENOUGH_POINTS])
     travel_m = float(path.travel_m[pose])
     travel_m = max(travel_m - STEP_M, travel_m - third_m)
-    return Contact(travel_m, _innermost_m(aside_m), float(path.curvature_per_m[pose]))
+    return travel_m, _innermost_m(aside_m), float(path.curvature_per_m[pose])
 
 
 def _in_reach(path: AxlePath, outline: Outline, points_m: Places) -> Places:
@@ -238,3 +255,18 @@ def _innermost_m(aside_m: Floats) -> float:
     if low_m > 0:
         return low_m
     return high_m if high_m < 0 else 0.0
+
+
+@accelerated
+def slide_room_m(places_m: Places, course: Places, points_m: Places, front_m: float, half_width_m: float) -> Floats:
+    """Return how far the nose may go straight on from each pose (n,), up to the third of points_m (k,); inf without.
+
+    course: direction of motion, (n,). Points up to NOSE_STEP_M behind the nose count: it enters them with this step.
+    """
+    seen = (points_m - places_m[:, None]) * course.conj()[:, None]
+    ahead_m = seen.real - front_m
+    met = (np.abs(seen.imag) <= half_width_m) & (ahead_m > -NOSE_STEP_M)
+    ahead_m[~met] = np.inf
+    ahead_m.sort(axis=1)
+    third: Floats = ahead_m[:, ENOUGH_POINTS - 1].copy()
+    return third

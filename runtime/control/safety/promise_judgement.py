@@ -16,7 +16,14 @@ from wallride.runtime.control.perception.geometry import ENOUGH_POINTS, Floats, 
 from wallride.runtime.control.perception.perception import Percept
 from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.safety.body import Body
-from wallride.runtime.control.safety.footprint import MIN_SLEW_SPEED_MPS, Contact, PathMotion, arc
+from wallride.runtime.control.safety.footprint import (
+    MIN_SLEW_SPEED_MPS,
+    STEP_M,
+    Contact,
+    PathMotion,
+    arc,
+    slide_room_m,
+)
 from wallride.runtime.control.safety.manoeuvre_rollout import FRONT_SHARE
 from wallride.runtime.control.safety.promise_record import DrivenPlace, Given, PromiseRecord, TyreModel, place_of
 from wallride.runtime.control.safety.promised_way import (
@@ -49,7 +56,6 @@ STOP_SPARE_M = 0.05
 SLIDE_MARGIN_M = 0.02
 IMPACT_MPS = 2.5
 """Least impact of a full brake for which a promise is not believed; below it the speed is limited."""
-NOSE_STEP_M = 0.06
 SIGHT_RAD = math.radians(1.5)
 SIGHT_SPARE_M = 0.15
 HIDDEN_SPARE_M = 0.1
@@ -176,7 +182,7 @@ def _judged(
     cap_m, cap_mps = braked_m[binds], most_mps[binds]
     if hidden_m < look_m:
         cap_m, cap_mps = np.append(cap_m, max(0.0, hidden_m - HIDDEN_SPARE_M)), np.append(cap_mps, 0.0)
-    middle_m = way.path.place_m[min(way.path.place_m.size - 1, int(look_m / 2 / NOSE_STEP_M))]
+    middle_m = way.path.place_m[min(way.path.place_m.size - 1, int(look_m / 2 / STEP_M))]
     return JudgedWay(way, margin_m, found, float(np.angle(middle_m)), cap_m, cap_mps)
 
 
@@ -226,11 +232,9 @@ def _braking_room_m(strip: Strip, way: PromisedWay, look_m: float) -> tuple[Floa
     travel_m = way.path.travel_m[some]
     if points_m.size < ENOUGH_POINTS:
         return travel_m, np.full(travel_m.size, math.inf)
-    seen = (points_m - way.path.place_m[some][:, None]) * way.course[some].conj()[:, None]
-    ahead_m = seen.real - strip.body.bare.front_m
-    met = (np.abs(seen.imag) <= strip.body.bare.half_width_m + SLIDE_MARGIN_M) & (ahead_m > -NOSE_STEP_M)
-    nearest_m = np.partition(np.where(met, ahead_m, np.inf), ENOUGH_POINTS - 1, axis=1)[:, ENOUGH_POINTS - 1]
-    return travel_m, np.maximum(nearest_m - STOP_SPARE_M, 0.0)
+    half_width_m = strip.body.bare.half_width_m + SLIDE_MARGIN_M
+    room_m = slide_room_m(way.path.place_m[some], way.course[some], points_m, strip.body.bare.front_m, half_width_m)
+    return travel_m, np.maximum(room_m - STOP_SPARE_M, 0.0)
 
 
 def _hidden_m(view: View, way: PromisedWay, front_m: float) -> float:

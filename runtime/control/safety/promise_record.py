@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wallride.drivers.api import MotorState
-from wallride.runtime.control.perception.geometry import Floats, Places
+from wallride.runtime.control.perception.geometry import Places, beside_path_m
 
 REMEMBERED_S = 0.3
 """Time for which a promise is compared with the way driven: the odometry of longer ways errs itself."""
@@ -162,26 +162,14 @@ def place_of(last: DrivenPlace, motor: MotorState, stamp_s: float, wheel_rad: fl
 
 def _kept_m(here: DrivenPlace, given: Given) -> float:
     """Return how far the car is beside an earlier promise, less what the wheels' odometry may err."""
-    off_m = float(_beside_m(np.array([here.at_m]), given.path_m)[0])
+    off_m = float(beside_path_m(np.array([here.at_m]), given.path_m)[0])
     return max(0.0, off_m - ODOMETRY_SHARE * abs(here.way_m - given.here.way_m))
 
 
 def _shift_m(here: DrivenPlace, path_m: Places, given: Given) -> float:
     """Return how far a new path is beside an earlier one, as far as both reach, less what pose and odometry may err."""
-    apart_m = _beside_m(path_m, given.path_m)
+    apart_m = beside_path_m(path_m, given.path_m)
     way_m = abs(here.way_m - given.here.way_m)
     known_m = AGREES_M + ODOMETRY_SHARE * way_m
     angle_rad = AGREES_RAD + TURN_ERROR_RADPM * way_m
     return float((apart_m - known_m - angle_rad * np.abs(path_m - here.at_m)).max())
-
-
-def _beside_m(points_m: Places, path_m: Places) -> Floats:
-    """Return the distance of points (k,) from a path (n,), 0 for those beyond its end."""
-    begins_m, chords = path_m[:-1], np.diff(path_m)
-    there_m = points_m[:, None] - begins_m
-    share = (there_m * chords.conj()).real / np.maximum(np.abs(chords) ** 2, 1e-12)
-    off_m = np.abs(there_m - np.clip(share, 0.0, 1.0) * chords)
-    nearest = off_m.argmin(axis=1)
-    apart_m: Floats = off_m.min(axis=1)
-    apart_m[(nearest == chords.size - 1) & (share[:, -1] > 1.0)] = 0.0
-    return apart_m

@@ -175,3 +175,56 @@ KERNEL(sweep_arc) {
     free(poses);
     return answer;
 }
+
+/* sweep_path(travel, place, heading, curvature, points, front, rear, half_width, direction) -> as sweep_arc */
+KERNEL(sweep_path) {
+    struct row travel, at, heading, curvature, points;
+    struct outline o;
+    double direction;
+    if (!enough(count, 9, "sweep_path") || !as_row(given[0], NPY_DOUBLE, &travel) || !as_row(given[1], NPY_CDOUBLE, &at) ||
+        !as_row(given[2], NPY_CDOUBLE, &heading) || !as_row(given[3], NPY_DOUBLE, &curvature) ||
+        !as_row(given[4], NPY_CDOUBLE, &points) || !as_numbers(given + 5, 3, (double *)&o) ||
+        !as_numbers(given + 8, 1, &direction))
+        return NULL;
+    const beam steps = travel.count, many = points.count;
+    if (!steps || at.count != steps || heading.count != steps || curvature.count != steps)
+        return PyErr_Format(PyExc_ValueError, "sweep_path: no poses, or arrays of different lengths");
+    struct pose *poses = malloc(sizeof *poses * (size_t)(steps + many + 1));
+    if (!poses)
+        return PyErr_NoMemory();
+    for (beam i = 0; i < steps; i++)
+        poses[i] = (struct pose){PLACE(at, i), PLACE(heading, i), NUMBER(travel, i), NUMBER(curvature, i)};
+    place *some = (place *)(poses + steps);
+    PyObject *answer = first_touch(&o, poses, steps, &points, direction, some, some + many);
+    free(poses);
+    return answer;
+}
+
+/* slide_room_m(places, course, points, front, half_width) -> ways ahead */
+KERNEL(slide_room_m) {
+    struct row places, course, points;
+    double v[2];
+    if (!enough(count, 5, "slide_room_m") || !as_row(given[0], NPY_CDOUBLE, &places) ||
+        !as_row(given[1], NPY_CDOUBLE, &course) || !as_row(given[2], NPY_CDOUBLE, &points) || !as_numbers(given + 3, 2, v))
+        return NULL;
+    if (course.count != places.count || points.count < GEOMETRY_ENOUGH_POINTS)
+        return PyErr_Format(PyExc_ValueError, "slide_room_m: arrays of different lengths, or fewer than three points");
+    PyObject *answer = fresh(NPY_DOUBLE, places.count);
+    for (beam i = 0; answer && i < places.count; i++) {
+        double nearest[3] = {INFINITY, INFINITY, INFINITY};
+        for (beam k = 0; k < points.count; k++) {
+            place seen = times(PLACE(points, k) - PLACE(places, i), conj(PLACE(course, i)));
+            double ahead = creal(seen) - v[0];
+            if (!(fabs(cimag(seen)) <= v[1] && ahead > -FOOTPRINT_NOSE_STEP_M))
+                continue;
+            for (int j = 0; j < 3; j++)
+                if (ahead < nearest[j]) {
+                    double other = nearest[j];
+                    nearest[j] = ahead;
+                    ahead = other;
+                }
+        }
+        DATA(double, answer)[i] = nearest[2];
+    }
+    return answer;
+}

@@ -10,7 +10,7 @@ from wallride.runtime.control.localization.line_field import LineField
 from wallride.runtime.control.localization.scan_points import ScanPoints
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.window_dirt import Evidence, LearningShares
-from wallride.runtime.control.safety.footprint import Outline
+from wallride.runtime.control.safety.footprint import AxlePath, Outline
 from wallride.runtime.control.safety.manoeuvre_rollout import RolloutStart
 from wallride.runtime.control.wall_following.ball_law import Aim, Steered
 from wallride.runtime.control.wall_following.ball_path import Ball, BallPath
@@ -113,6 +113,11 @@ def _sweep(steering_rad, length_m, points_m, front_m, rear_m, half_width_m, *mot
     return steering_rad, length_m, points_m, Outline(front_m, rear_m, half_width_m), motion
 
 
+def _path(travel_m, place_m, heading, curvature_per_m, points_m, front_m, rear_m, half_width_m, direction):
+    path = AxlePath(travel_m, place_m, heading, curvature_per_m)
+    return path, Outline(front_m, rear_m, half_width_m), points_m, direction
+
+
 def _rollouts(points_m, steering_rad, brake_mps2, grip_mps2, past_rad, coming_rad, *start):
     return points_m, steering_rad, brake_mps2, grip_mps2, (past_rad, coming_rad), RolloutStart(*start)
 
@@ -132,5 +137,6 @@ STRUCTURES: dict[str, Callable[..., Any]] = {
     "find_dark_regions": _dark,
     "find_dirt": _found,
     "sweep_arc": _sweep,
+    "sweep_path": _path,
     "roll_out_all": _rollouts,
 }

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.runtime.kernel.sameness import PYTHON, SOME_RAD, assert_same
+from wallride.runtime.control.safety.footprint import PathMotion, arc
 
 
 @settings(max_examples=300)
@@ -92,3 +93,53 @@ def test_a_way_without_end_is_swept_by_nobody(compiled):
     for length_m in (1e18, 1e300):
         with pytest.raises(MemoryError):
             compiled["sweep_arc"](0.2, length_m, WALL, *OUTLINE, *MOTION)
+
+
+PLACES = st.sampled_from([0, 1, 2, 3, 4, 30, 300])
+
+
+def somewhere(seed, count, room_m=3.0):
+    """Return places (count,), some of them no numbers."""
+    rng = np.random.default_rng(seed)
+    places_m = rng.normal(0.5 * room_m, room_m, count) + 1j * rng.normal(0.0, rng.choice([0.05, 1.0]), count)
+    if count > 4 and rng.random() < 0.3:
+        places_m[rng.integers(0, count, 2)] = complex(*rng.choice([math.nan, math.inf, 1.0], 2))
+    return places_m
+
+
+@settings(max_examples=200)
+@given(
+    seed=st.integers(0, 2**32), points=PLACES, motion=st.tuples(st.floats(0.0, 8.0), SOME_RAD), steering_rad=SOME_RAD,
+    length_m=st.floats(-0.5, 6.0), direction=st.sampled_from([1.0, -1.0]),
+)  # fmt: skip
+def test_any_path_is_swept_alike(compiled, seed, points, motion, steering_rad, length_m, direction):
+    path = arc(PathMotion(motion[0], direction, motion[1], 0.05, 3.2, 0.33, 4.0, 0.01), steering_rad, length_m)
+    poses = path.travel_m, path.place_m, path.heading, path.curvature_per_m
+    given_ = (*poses, somewhere(seed, points), *OUTLINE, direction)
+    with np.errstate(all="ignore"):
+        assert_same("sweep_path", PYTHON["sweep_path"](*given_), compiled["sweep_path"](*given_))
+        room = path.place_m[::3], path.heading[::3], somewhere(seed, points + 3), 0.45, 0.2
+        assert_same("slide_room_m", PYTHON["slide_room_m"](*room), compiled["slide_room_m"](*room))
+
+
+@settings(max_examples=200)
+@given(seed=st.integers(0, 2**32), points=PLACES, corners=st.integers(2, 60))
+def test_any_place_is_as_far_beside_a_path(compiled, seed, points, corners):
+    rng = np.random.default_rng(seed)
+    path_m = np.cumsum(rng.choice([0.0, 0.1, 0.2], corners) * np.exp(1j * np.cumsum(rng.normal(0.0, 0.3, corners))))
+    given_ = somewhere(seed, points, 1.0), path_m
+    with np.errstate(all="ignore"):
+        assert_same("beside_path_m", PYTHON["beside_path_m"](*given_), compiled["beside_path_m"](*given_))
+
+
+def test_paths_that_are_none_are_refused(compiled):
+    one, two, numbers = np.zeros(1, np.complex128), np.zeros(2, np.complex128), np.zeros(2)
+    with pytest.raises(ValueError, match="at least two points"):
+        compiled["beside_path_m"](two, one)
+    with pytest.raises(ValueError, match="different lengths"):
+        compiled["slide_room_m"](one, two, np.zeros(3, np.complex128), 0.45, 0.2)
+    with pytest.raises(ValueError, match="fewer than three"):
+        compiled["slide_room_m"](two, two, two, 0.45, 0.2)
+    for poses in ((numbers[:1], two, two, numbers), (numbers[:0], one[:0], one[:0], numbers[:0])):
+        with pytest.raises(ValueError, match="no poses, or arrays of different lengths"):
+            compiled["sweep_path"](*poses, two, *OUTLINE, 1.0)
