@@ -6,6 +6,7 @@ that no promise makes the car slower than it is. In a bend the nose points inwar
 (`footprint`).
 """
 
+import cmath
 import math
 from typing import Final, NamedTuple
 
@@ -104,38 +105,43 @@ def way_of(places_m: Places, speed_mps: Floats, car: Roadworthy, look_m: float) 
     if isinstance(cut, Unbelievable):
         return cut
     along_m, places_m, speed_mps = cut
-    chords = np.diff(places_m)
-    middle_m, angle_rad = (along_m[1:] + along_m[:-1]) / 2, np.unwrap(np.angle(chords))
+    chords = places_m[1:] - places_m[:-1]
+    middle_m, angle_rad = (along_m[1:] + along_m[:-1]) / 2, np.empty(chords.size)
+    angle_rad[0] = np.angle(chords[0])
     if abs(angle_rad[0]) > HERE_RAD:
         return Unbelievable(NOT_HERE)
-    bend_per_m = np.diff(angle_rad) / np.diff(middle_m) if angle_rad.size > 1 else np.zeros(1)
-    vertex_m = along_m[1:-1] if angle_rad.size > 1 else middle_m
+    bend_per_m, vertex_m = np.zeros(1), middle_m
+    if chords.size > 1:
+        turned_rad = np.angle(chords[1:] * chords[:-1].conj())
+        angle_rad[1:] = angle_rad[0] + turned_rad.cumsum()
+        bend_per_m, vertex_m = turned_rad / (middle_m[1:] - middle_m[:-1]), along_m[1:-1]
     promised_m = float(along_m[-1])
     travel_m = STEP_M * np.arange(1, max(2, math.ceil(max(look_m, promised_m) / STEP_M) + 1), dtype=np.float64)
     within = int(np.searchsorted(travel_m, promised_m, side="right"))
-    inside_m = travel_m[:within]
     course_rad = np.interp(travel_m, middle_m, angle_rad)
     curvature = np.interp(travel_m, vertex_m, bend_per_m)
     beyond = int(np.searchsorted(travel_m, middle_m[-1]))  # from here on the last curvature turns the course
     course_rad[beyond:] += curvature[beyond:] * (travel_m[beyond:] - middle_m[-1])
     place_m = np.empty(travel_m.size, np.complex128)
-    place_m[:within] = np.interp(inside_m, along_m, places_m.real) + 1j * np.interp(inside_m, along_m, places_m.imag)
+    place_m[:within] = np.interp(travel_m[:within], along_m, places_m)
     steps = STEP_M * np.exp(1j * (course_rad[within:] - curvature[within:] * STEP_M / 2))
-    begins_m = places_m[-1] + (within * STEP_M - promised_m) * np.exp(1j * angle_rad[-1])
+    begins_m = places_m[-1] + (within * STEP_M - promised_m) * cmath.exp(1j * angle_rad[-1])
     place_m[within:] = begins_m + steps.cumsum()
     speeds_mps = _believed_mps(np.interp(travel_m, along_m, speed_mps), travel_m, car)
-    return _driven(PromisedWay(
-        AxlePath(travel_m, place_m, np.exp(1j * course_rad), curvature), np.exp(1j * course_rad), speeds_mps, promised_m
-    ), car, within)  # fmt: skip
+    course = np.exp(1j * course_rad)
+    return _driven(
+        PromisedWay(AxlePath(travel_m, place_m, course, curvature), course, speeds_mps, promised_m), car, within
+    )
 
 
 def _from_here(places_m: Places, speed_mps: Floats) -> tuple[Floats, Places, Floats] | Unbelievable:
     """Return ways along, places and speeds from the point of the path that is nearest to the car."""
-    chords = np.diff(places_m)
+    chords = places_m[1:] - places_m[:-1]
     gaps_m = np.abs(chords)
     if not gaps_m.all() or gaps_m.max() > MAX_GAP_M:
         return Unbelievable(GAPS)
-    along_m = np.concatenate([[0.0], np.cumsum(gaps_m)])
+    along_m = np.zeros(places_m.size)
+    gaps_m.cumsum(out=along_m[1:])
     near = max(1, int(np.searchsorted(along_m[1:], AHEAD_M)))
     share = np.clip(-(places_m[:-1] * chords.conj()).real[:near] / gaps_m[:near] ** 2, 0.0, 1.0)
     off_m = np.abs(places_m[:-1][:near] + share * chords[:near])
@@ -148,8 +154,7 @@ def _from_here(places_m: Places, speed_mps: Floats) -> tuple[Floats, Places, Flo
         return Unbelievable(TOO_SHORT)
     count = max(2, math.ceil(left_m / max(MIN_SPACING_M, left_m / max(1, gaps_m.size - first))) + 1)
     at_m = here_m + left_m * np.arange(count) / (count - 1)
-    x_m, y_m = np.interp(at_m, along_m, places_m.real), np.interp(at_m, along_m, places_m.imag)
-    return at_m - here_m, x_m + 1j * y_m, np.interp(at_m, along_m, speed_mps)
+    return at_m - here_m, np.interp(at_m, along_m, places_m), np.interp(at_m, along_m, speed_mps)
 
 
 def _believed_mps(promised_mps: Floats, travel_m: Floats, car: Roadworthy) -> Floats:
