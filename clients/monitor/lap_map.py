@@ -58,7 +58,7 @@ class LapMap:
         """Return plain values for a page."""
         return {
             "car": self.car, "stage": self.stage, "recording": self.recording,
-            "words": [*filter(None, [self.refusal]), *self.words],
+            "words": [*filter(None, [self.refusal]), *self.words], "is_refused": bool(self.refusal),
             "pictures": list(self.pictures), "number": self.number, "lines": self.lines,
             "can_be_raced": self.can_be_raced, "file": str(self.file or ""), "fastest_mps": self.fastest_mps,
         }  # fmt: skip

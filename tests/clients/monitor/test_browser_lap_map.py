@@ -57,6 +57,7 @@ async def test_a_map_is_made_looked_at_and_raced_along(scene, tab, tmp_path, car
         await tab.click("#lap-map-race")
         await tab.until(f"{WORDS}.includes('no restart: only while the car stands; stop it first')")
         assert (car_toml.read_text(), car.restarts) == (before, 0)
+        assert await tab.run("document.querySelector('#lap-map').dataset.stage") == "refused", "in its colour"
         car.standing = True
         await tab.click("#lap-map-race")
         await tab.until(f"{WORDS}.includes('The car starts anew, disarmed.')")

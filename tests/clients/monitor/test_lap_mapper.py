@@ -122,11 +122,8 @@ async def test_a_car_that_drives_is_told_by_name_and_its_file_stays(tmp_path, ca
     bench.refusals = ["no restart: only while the car stands; stop it first"]
     bench.press("race", speed_mps=3.0)
     now = await bench.ended()
-    assert (now["stage"], now["can_be_raced"], now["words"][0]) == (
-        "good",
-        True,
-        "no restart: only while the car stands; stop it first",
-    )
+    said = "no restart: only while the car stands; stop it first"
+    assert (now["stage"], now["is_refused"], now["can_be_raced"], now["words"][0]) == ("good", True, True, said)
     assert car_toml.read_text() == FILE
 
 

@@ -23,7 +23,8 @@ export class LapMap {
 
   /** now: the fields of clients/monitor/lap_map.py. */
   show(now) {
-    setData($("lap-map"), "stage", now.stage);
+    const stage = now.is_refused ? "refused" : now.stage; // a good map along which the car does not race
+    setData($("lap-map"), "stage", stage);
     $("lap-map-begin").disabled = now.busy;
     setText($("lap-map-begin"), now.number ? "Make it again" : "Make the map");
     setHidden($("lap-map-cancel"), !now.busy);
@@ -41,8 +42,8 @@ export class LapMap {
     this.#wasClosed = now.closed;
     this.#showWords(now.words);
     this.#showPictures(now);
-    if (now.stage !== this.#stage && this.#stage !== "none" && SAID_KINDS[now.stage]) announce(now.words[0], SAID_KINDS[now.stage]);
-    this.#stage = now.stage;
+    if (stage !== this.#stage && this.#stage !== "none" && SAID_KINDS[stage]) announce(now.words[0], SAID_KINDS[stage]);
+    this.#stage = stage;
   }
 
   /** How the lap that is driven stands: for who drives it, outside of the folded panel too. */
