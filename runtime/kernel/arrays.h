@@ -107,6 +107,7 @@ KERNEL(lay_on_lines);
 KERNEL(beside_path_m);
 KERNEL(sweep_path);
 KERNEL(slide_room_m);
+KERNEL(mean_nearness);
 KERNEL(over);
 KERNEL(set_constant);
 KERNEL(cast_cells);

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from wallride.drivers.accelerated import accelerated
 from wallride.runtime.control.localization.line_field import LineField
 from wallride.runtime.control.localization.pose_filter import PoseFilter
 from wallride.runtime.control.localization.scan_points import ScanPoints
@@ -33,8 +34,10 @@ ALIKE: Final = 0.95
 """A second place with this share of the best one's nearness is as likely."""
 BEFORE_WALL: Final = 0.1
 """Nearness below which a beam that ends in free space ends before its wall."""
-LOOK_UPS: Final = 100_000
-"""Look-ups of one part of a search: about 1 ms on a laptop."""
+LOOK_UPS: Final = 500_000
+"""Look-ups of one part of a search: about 0.5 ms on a laptop, 5 ms without the C."""
+
+Numbers = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +68,7 @@ class PlaceSearch:
         padded[:, : field.columns] = nearness
         self._nearness = padded.ravel()
         self._everywhere = self._free_places(nearness)
+        self._cells = self._cells_of(self._everywhere)
 
     def around(self, points: ScanPoints, x_m: float, y_m: float, yaw_rad: float) -> list[Place]:
         """Return the places within AROUND_M and AROUND_RAD of one, the best first; that one where none is better."""
@@ -72,7 +76,8 @@ class PlaceSearch:
         places = np.empty(steps_m.size**2, np.complex128)
         places.real, places.imag = x_m + np.repeat(steps_m, steps_m.size), y_m + np.tile(steps_m, steps_m.size)
         yaws = yaw_rad + np.arange(-AROUND_RAD, AROUND_RAD + 1e-9, STEP_RAD)
-        rough = [place for yaw in yaws for place in self._scored(points, places, float(yaw))]
+        cells = self._cells_of(places)
+        rough = [place for yaw in yaws for place in self._scored(points, places, cells, float(yaw))]
         told = self._laid(points, Place(x_m, y_m, yaw_rad, 0.0))
         found = self._refined(points, rough)
         if found and told.score >= ALIKE * found[0].score:
@@ -82,11 +87,15 @@ class PlaceSearch:
     def anywhere(self, points: ScanPoints) -> Iterator[list[Place] | None]:
         """Search all free places: yield None after each part of the search, and the places, the best first, at last."""
         rough: list[Place] = []
-        at_once = max(1, LOOK_UPS // BEAMS)
+        at_once, scored = max(1, LOOK_UPS // BEAMS), 0
         for yaw in np.arange(-math.pi, math.pi, STEP_RAD):
             for first in range(0, self._everywhere.size, at_once):
-                rough += self._scored(points, self._everywhere[first : first + at_once], float(yaw))
-                yield None
+                some = slice(first, first + at_once)
+                rough += self._scored(points, self._everywhere[some], self._cells[some], float(yaw))
+                scored += self._cells[some].size
+                if scored >= at_once:
+                    scored = 0
+                    yield None
             rough = sorted(rough, key=lambda place: -place.score)[:KEPT]
         yield self._refined(points, rough)
 
@@ -98,19 +107,21 @@ class PlaceSearch:
         there = field.corner_m + field.cell_m * (every * (column + 1j * row) + 0.5 + 0.5j)
         return np.asarray(there, np.complex128)
 
-    def _scored(self, points: ScanPoints, places: Places, yaw_rad: float) -> list[Place]:
-        """Return the best of some places with one heading."""
-        field = self._field
+    def _cells_of(self, places: Places) -> Numbers:
+        inside = (places - self._field.corner_m) / self._field.cell_m
+        return np.floor(inside.imag).astype(np.intp) * self._width + np.floor(inside.real).astype(np.intp)
+
+    def _scored(self, points: ScanPoints, places: Places, cells: Numbers, yaw_rad: float) -> list[Place]:
+        """Return the best of some places, in these cells, with one heading."""
         near = points.places_m[np.abs(points.places_m) < SEEN_M]
         if not near.size or not places.size:
             return []
         arms = near[:: max(1, near.size // BEAMS)] * cmath.exp(1j * yaw_rad)
-        inside = (places - field.corner_m) / field.cell_m
-        cells = np.floor(inside.imag).astype(np.int64) * self._width + np.floor(inside.real).astype(np.int64)
-        shifts = np.rint(arms / field.cell_m)
-        ends = cells[:, None] + (shifts.imag.astype(np.int64) * self._width + shifts.real.astype(np.int64))
-        scores = self._nearness.take(ends, mode="clip").mean(axis=1)
-        best = np.argsort(-scores, kind="stable")[: KEPT // 10]
+        shifts = np.rint(arms / self._field.cell_m)
+        ends = shifts.imag.astype(np.intp) * self._width + shifts.real.astype(np.intp)
+        scores = mean_nearness(self._nearness, cells, ends)
+        few = min(scores.size, KEPT // 10)
+        best = np.argpartition(-scores, few - 1)[:few]
         return [
             Place(float(places[index].real), float(places[index].imag), yaw_rad, float(scores[index])) for index in best
         ]
@@ -136,6 +147,13 @@ class PlaceSearch:
             filter_.correct(points)
         x_m, y_m, yaw_rad = filter_.state[:3].tolist()
         return Place(x_m, y_m, yaw_rad, nearness_at(self._field, points, filter_.state))
+
+
+@accelerated
+def mean_nearness(nearness: npt.NDArray[np.float32], cells: Numbers, ends: Numbers) -> Floats:
+    """Return the mean nearness at the ends of beams (k,) from each of some cells (n,); outside, that of a corner."""
+    near = nearness.take(cells[:, None] + ends, mode="clip")
+    return np.asarray(near.sum(axis=1, dtype=np.float64) / max(1, ends.size), np.float64)
 
 
 def nearness_at(field: LineField, points: ScanPoints, pose: Floats) -> float:

@@ -85,3 +85,13 @@ def test_a_field_that_is_none_is_refused(compiled, seen):
             compiled["lay_on_lines"](*given_[:11], rows, columns, *given_[13:])
     with pytest.raises(ValueError, match="Singular"):
         compiled["lay_on_lines"](*(row[:0] for row in given_[:3]), *given_[3:17], (0.0,) * 9)
+
+
+@given(st.integers(0, 2**32), st.sampled_from([1, 7, 5000]), st.sampled_from([0, 1, 60]))
+def test_any_place_is_scored_alike(compiled, seed, cells, beams):
+    random = np.random.default_rng(seed)
+    nearness = random.random(cells).astype(np.float32)
+    given_ = nearness, random.integers(-9, cells + 9, 40), random.integers(-cells, cells + 1, beams)
+    assert_same("mean_nearness", PYTHON["mean_nearness"](*given_), compiled["mean_nearness"](*given_))
+    with pytest.raises(IndexError):
+        compiled["mean_nearness"](nearness[:0], *given_[1:])
