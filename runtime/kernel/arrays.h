@@ -108,6 +108,7 @@ KERNEL(beside_path_m);
 KERNEL(sweep_path);
 KERNEL(slide_room_m);
 KERNEL(mean_nearness);
+KERNEL(free_beside_m);
 KERNEL(over);
 KERNEL(set_constant);
 KERNEL(cast_cells);

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from wallride.drivers.accelerated import accelerated
 from wallride.runtime.control.corridor_following.borders import CourseBorders
 from wallride.runtime.control.corridor_following.marching import STEP_M, curvature_of
 from wallride.runtime.control.perception.geometry import Booleans, Floats, Places
@@ -20,6 +21,7 @@ LEAST_KEEP_M: Final = 0.27
 MOST_MOVE_M: Final = 0.5
 BEYOND_M: Final = 0.6
 """How far a border may lie on the wrong side of a way that is pushed back by it."""
+FREE_M: Final = 2.0
 SUDDEN_M2: Final = 0.05
 """Weight of the change of curvature beside that of curvature: servo and tyres follow within about 0.2 m."""
 OUTSIDE_COST: Final = 2e3
@@ -54,8 +56,8 @@ class Bounds(NamedTuple):
 
 def bounds_of(way_m: Places, course: Places, borders: CourseBorders) -> Bounds:
     """Return the bounds within which the points (n,) of a way, with their directions (n,), keep off both borders."""
-    most_m = _free_m((borders.left_m - way_m[:, None]) * course.conj()[:, None])
-    least_m = -_free_m(((borders.right_m - way_m[:, None]) * course.conj()[:, None]).conj())
+    most_m = free_beside_m(way_m, course, borders.left_m, 1.0)
+    least_m = -free_beside_m(way_m, course, borders.right_m, -1.0)
     lack_m = np.maximum(least_m - most_m, 0.0)
     middle_m = (least_m + most_m) / 2
     narrow = lack_m > 0.0
@@ -64,11 +66,16 @@ def bounds_of(way_m: Places, course: Places, borders: CourseBorders) -> Bounds:
     return Bounds(least_m, most_m, lack_m)
 
 
-def _free_m(seen: Places) -> Floats:
-    """Return how far to the left points may move until KEEP_M from a border, (n,). seen: (n, k), from each of them."""
-    chord2 = KEEP_M * KEEP_M - seen.real * seen.real
-    met = (chord2 > 0.0) & (seen.imag > -BEYOND_M)
-    free_m: Floats = np.where(met, seen.imag - np.sqrt(np.maximum(chord2, 0.0)), 2.0).min(axis=1, initial=2.0)
+@accelerated
+def free_beside_m(way_m: Places, course: Places, border_m: Places, side: float) -> Floats:
+    """Return how far the points (n,) of a way may move to a side until KEEP_M from a border (k,), (n,), at most FREE_M.
+
+    course: (n,). side: 1.0 is the left one, -1.0 the right one.
+    """
+    seen = (border_m - way_m[:, None]) * course.conj()[:, None]
+    aside_m, chord2 = side * seen.imag, KEEP_M * KEEP_M - seen.real * seen.real
+    met = (chord2 > 0.0) & (aside_m > -BEYOND_M)
+    free_m: Floats = np.where(met, aside_m - np.sqrt(np.maximum(chord2, 0.0)), FREE_M).min(axis=1, initial=FREE_M)
     return free_m
 
 

@@ -132,6 +132,17 @@ def test_any_place_is_as_far_beside_a_path(compiled, seed, points, corners):
         assert_same("beside_path_m", PYTHON["beside_path_m"](*given_), compiled["beside_path_m"](*given_))
 
 
+@settings(max_examples=200)
+@given(seed=st.integers(0, 2**32), points=PLACES, border=PLACES, side=st.sampled_from([1.0, -1.0]))
+def test_any_border_leaves_the_same_room(compiled, seed, points, border, side):
+    course = np.exp(1j * np.random.default_rng(seed).normal(0.0, 0.5, points))
+    given_ = somewhere(seed, points), course, somewhere(seed + 1, border), side
+    with np.errstate(all="ignore"):
+        assert_same("free_beside_m", PYTHON["free_beside_m"](*given_), compiled["free_beside_m"](*given_))
+    with pytest.raises(ValueError, match="different lengths"):
+        compiled["free_beside_m"](np.zeros(points + 1, np.complex128), *given_[1:])
+
+
 def test_paths_that_are_none_are_refused(compiled):
     one, two, numbers = np.zeros(1, np.complex128), np.zeros(2, np.complex128), np.zeros(2)
     with pytest.raises(ValueError, match="at least two points"):
