@@ -45,6 +45,9 @@ JOINED_M, JOINED_RAD = 0.25, 0.35
 """Lateral and heading errors below which the line is joined; beyond the first one the car slows down."""
 GRIP_USED: Final = 0.9
 """Share of the grip that is observed up to which the line's bends may need it; the rest is for the feedback."""
+BELIEVED_S, BELIEVED_M = 0.55, 1.1
+"""Time and way on the line until safety believes the promised path (`safety/promise_record.py`, with a scan to spare):
+before, it judges the arc, which meets the wall at the speed of the line."""
 LEFT_M, LEFT_RAD = 0.8, 1.0
 """Errors above which it has left the line. With a larger heading error it is turned to the line before it joins."""
 DRAWN_M, DRAWN_STEP_M = 4.0, 0.2
@@ -72,6 +75,7 @@ class LineFollower:
         self._stamp_s = math.nan
         self._on: OnLine | None = None
         self._joined = False
+        self._on_line_s, self._on_line_m = 0.0, 0.0
         self._pose: PoseEstimate | None = None
 
     def tune(self, settings: LineFollowSettings) -> None:
@@ -129,6 +133,8 @@ class LineFollower:
             complex(pose.x_m, pose.y_m), pose.yaw_rad, motor.speed_mps * pose.scale, pose.turn_radps, self._trim.rad
         )
         self._trim.learn(now, motor.steering_rad, since_s, tyres)
+        self._on_line_s += since_s
+        self._on_line_m += now.speed_mps * since_s
         if reason := self._unfit(now, line, course, tyres):
             guidance = self._by_wall(by_wall, reason)
             if reason is not WRONG_WAY:
@@ -176,6 +182,7 @@ class LineFollower:
             if off_rad > LEFT_RAD:
                 return WRONG_WAY
             self._joined = abs(on.aside_m) < JOINED_M and off_rad < JOINED_RAD
+            self._on_line_s, self._on_line_m = 0.0, 0.0
             self._laps.begin()
         self._on = on
         return ""
@@ -194,7 +201,8 @@ class LineFollower:
         aimed = replace(there, aside_m=there.aside_m - self._correction.aim_m(there.along_m, share))
         steering_rad = self._car.steered_rad(line_law.steering_rad(then, line, aimed, tyres, pulled))
         speed_mps = share * line_law.speed_mps(then, line, there)
-        far = max(0.0, (abs(there.aside_m) - JOINED_M) / (LEFT_M - JOINED_M)) if self._joined else 1.0
+        believed = self._joined and self._on_line_s >= BELIEVED_S and self._on_line_m >= BELIEVED_M
+        far = max(0.0, (abs(there.aside_m) - JOINED_M) / (LEFT_M - JOINED_M)) if believed else 1.0
         if far > 0.0:
             speed_mps = min(speed_mps, max(self._settings.join_mps, (1.0 - far) * speed_mps))
         speed_mps = min(speed_mps / scale, self._settings.speed_mps)

@@ -18,7 +18,7 @@ class LineFollowSettings(BallSettings):
     without_pose: Literal["wall", "stop"] = "wall"
     """Action while the pose is not known. wall: follow the wall as `ball`. stop: stop."""
     join_mps: Annotated[float, Field(gt=0, le=3)] = 1.2
-    """Speed of the way to the line."""
+    """Speed of the way to the line and of the first metre on it."""
     first_lap_share: Annotated[float, Field(gt=0.1, le=1)] = 0.6
     """Share of the line's speeds in the first lap."""
     faster_each_lap: Annotated[float, Field(ge=0, le=1)] = 0.2

@@ -17,6 +17,7 @@ from wallride.runtime.control.line_following.line_settings import LineFollowSett
 from wallride.runtime.control.localization.line_field import field_of_cells
 from wallride.runtime.control.localization.localizer import Localizer
 from wallride.runtime.control.perception.view import ViewCache
+from wallride.runtime.control.safety.promise_record import KEPT_S, KEPT_WAY_M
 from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings, ServoCar
 
 CAR = CarSettings(max_speed_mps=6.0)
@@ -27,6 +28,12 @@ START = (2.0, 0.0, 0.0)
 def room():
     room = ring(BOXES)
     return room, field_of_cells(room.cells)
+
+
+@pytest.fixture(autouse=True)
+def believed_at_once(monkeypatch):
+    monkeypatch.setattr(line_follower, "BELIEVED_S", 0.0)
+    monkeypatch.setattr(line_follower, "BELIEVED_M", 0.0)
 
 
 def follower(field, line=None, start=START, car=CAR, **settings):
@@ -113,6 +120,16 @@ def test_on_a_floor_with_less_grip_than_planned_for_the_line_is_driven_slower(ro
     last = answers(one, room[0], (2.0, 0.0, 0.0))[-1]
     assert last.drive.speed_mps == pytest.approx(3.0 * share, abs=0.05)
     assert one.figures["speed_share"] == pytest.approx(share, abs=0.01)
+
+
+def test_on_the_line_it_is_slow_until_safety_believes_its_path(room, monkeypatch):
+    monkeypatch.undo()
+    one = follower(room[1], first_lap_share=1.0)
+    drives = [answer.drive.speed_mps for answer in answers(one, room[0], (2.0, 0.0, 0.0), scans=45, speed_mps=1.2)]
+    fast = next(scan for scan, speed_mps in enumerate(drives) if speed_mps > 2.5)
+    assert fast * 0.025 * 1.2 >= KEPT_WAY_M
+    assert fast * 0.025 >= KEPT_S
+    assert drives[fast - 1] == pytest.approx(1.2, abs=0.05)
 
 
 def test_beside_the_line_it_joins_slowly(room):
