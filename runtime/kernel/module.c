@@ -54,10 +54,10 @@ int numbers_of(PyObject *tuple, double *to) {
 }
 
 int same_count(PyObject *tuple, int count, double *to) {
-    int found = numbers_of(tuple, to);
-    if (found >= 0 && found != count)
-        PyErr_Format(PyExc_TypeError, "the kernel wants %d numbers, not %d", count, found);
-    return found == count;
+    if (PyTuple_Check(tuple) && PyTuple_GET_SIZE(tuple) == count) /* first: there is no room for more */
+        return numbers_of(tuple, to) == count;
+    PyErr_Format(PyExc_TypeError, "the kernel wants a tuple of %d numbers, not %R", count, tuple);
+    return 0;
 }
 
 int flags_of(PyObject *tuple, int count, npy_bool *to) {

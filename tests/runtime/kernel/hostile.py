@@ -17,9 +17,18 @@ import numpy as np
 os.environ["WALLRIDE_COMPILED"] = "0"
 
 from tests.compiled_laws import import_laws
+from tests.runtime.control.localization.rooms import ring
+from tests.runtime.control.localization.test_localizer import BOXES, CORNER
 from tests.runtime.kernel.sameness import Drive, ranges
 from wallride.drivers import accelerated
 from wallride.drivers.accelerated import FUNCTIONS
+from wallride.runtime.control.corridor_following import bending
+from wallride.runtime.control.corridor_following.borders import CourseBorders
+from wallride.runtime.control.localization.line_field import field_of_cells
+from wallride.runtime.control.localization.localizer import Localizer
+from wallride.runtime.control.perception import geometry
+from wallride.runtime.control.safety import footprint
+from wallride.runtime.control.vehicle import CarSettings
 
 MAX_CALL_S = 20.0
 KEPT = 40
@@ -46,7 +55,27 @@ def collect(seed):
         drive = Drive()
         for scan in range(SCANS):
             drive.see_ranges(ranges(seed * 1000 + scan // 3), speed_mps=(0.0, 2.0, 6.0)[scan % 3])
+        _locate()
+        _look_along_ways(np.random.default_rng(seed))
     return {name: calls for name, calls in given.items() if calls}
+
+
+def _locate():
+    """Search a map for the place of a scan, and follow it from there."""
+    room = ring(BOXES)
+    localizer = Localizer(field_of_cells(room.cells), CarSettings(), None)
+    for scan in range(2 * SCANS):
+        localizer.take(room.scan(CORNER, stamp_s=0.025 * scan, noise_m=0.01), None)
+
+
+def _look_along_ways(random):
+    for _ in range(SCANS):
+        places_m = random.normal(1.0, 2.0, 400) + 1j * random.normal(0.0, 0.6, 400)
+        path = footprint.arc(footprint.PathMotion(4.0, 1.0, 0.05, 0.05, 3.2, 0.33), 0.1, 4.0)
+        footprint.first_contact(path, footprint.Outline(0.45, 0.05, 0.2), places_m)
+        footprint.slide_room_m(path.place_m, path.heading, places_m, 0.45, 0.2)
+        geometry.beside_path_m(places_m, path.place_m)
+        bending.bounds_of(path.place_m, path.heading, CourseBorders(places_m[:200], places_m[200:]))
 
 
 class _in_place:  # noqa: N801 - used like a function

@@ -83,6 +83,9 @@ def test_a_field_that_is_none_is_refused(compiled, seen):
     for rows, columns in ((0, 5), (-1, -1), (2**40, 2**40), (given_[3].size, 2)):
         with pytest.raises(ValueError, match="different lengths"):
             compiled["lay_on_lines"](*given_[:11], rows, columns, *given_[13:])
+    for numbers in (8, 10, 30):
+        with pytest.raises(TypeError, match="a tuple of 9 numbers"):
+            compiled["lay_on_lines"](*given_[:17], (0.0,) * numbers)
     with pytest.raises(ValueError, match="Singular"):
         compiled["lay_on_lines"](*(row[:0] for row in given_[:3]), *given_[3:17], (0.0,) * 9)
 
