@@ -5,6 +5,7 @@ beams, never compiled ones; compared values are rounded, and the first of equal 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from wallride.sim.world.ball_contour import ENDLESS_M, Places, led_on, places
 from wallride.sim.world.grid import GridGeometry
 from wallride.sim.world.place import START_DISTANCE_M
-from wallride.sim.world.pose import Pose, Side, side_sign
+from wallride.sim.world.pose import Floats, Pose, Side, side_sign
 
 _BALLS_M = tuple(round(START_DISTANCE_M - 0.1 * step, 1) for step in range(6))
 """Candidate distances of the start from the wall: 1 m to 0.5 m."""
@@ -38,8 +39,9 @@ def choose_start(geometry: GridGeometry, side: Side) -> tuple[Pose, float]:
     least_m = longest_m if longest_m >= ENDLESS_M else _NEARLY_AS_FAR * longest_m
     good = np.flatnonzero(rolled.way_m >= least_m)
     spread = good[np.unique(np.linspace(0, len(good) - 1, _START_CANDIDATES).astype(np.int64))]
-    poses = [_along_the_wall(geometry, _heading(geometry, rolled, int(index)), side) for index in spread]
-    return max(poses, key=lambda pose: round(_worth(geometry, pose, side, room_m), 3)), room_m
+    headings = [_heading(geometry, rolled, int(index)) for index in spread]
+    poses = _along_the_walls(geometry, headings, side)
+    return poses[int(np.argmax(np.round(_worths_m(geometry, poses, side, room_m), 3)))], room_m
 
 
 def _places(geometry: GridGeometry, side: Side) -> tuple[float, Places]:
@@ -81,10 +83,26 @@ def _heading(geometry: GridGeometry, rolled: Places, index: int) -> Pose:
     return Pose(x_m, y_m, geometry.origin.yaw_rad + math.atan2(y, x))
 
 
-def _along_the_wall(geometry: GridGeometry, at: Pose, side: Side) -> Pose:
-    """Return the pose at a point with the nearest wall on one side square to it, near to a heading."""
-    bearings = at.yaw_rad + side_sign(side) * np.radians(np.arange(2.0, 180.0, 2.0))
-    ranges_m = geometry.march(at.x_m, at.y_m, bearings)
+def _marched_m(geometry: GridGeometry, places: Sequence[Pose], bearing_rad: Floats) -> Floats:
+    """Return the ranges from each place along its bearings, shape (n, k): many beams at once take a tenth of the time.
+
+    bearing_rad: shape (k,), as seen from the heading of each.
+    """
+    x_m, y_m, yaw_rad = np.array([(at.x_m, at.y_m, at.yaw_rad) for at in places]).T[:, :, None]
+    rays_rad = yaw_rad + bearing_rad
+    x_m, y_m = (np.broadcast_to(part, rays_rad.shape).ravel() for part in (x_m, y_m))
+    return geometry.march(x_m, y_m, rays_rad.ravel()).reshape(rays_rad.shape)
+
+
+def _along_the_walls(geometry: GridGeometry, headings: Sequence[Pose], side: Side) -> list[Pose]:
+    """Return the poses at these points with the nearest wall on one side square to them, near to their headings."""
+    bearing_rad = side_sign(side) * np.radians(np.arange(2.0, 180.0, 2.0))
+    ranges_m = _marched_m(geometry, headings, bearing_rad)
+    return [_square(at, at.yaw_rad + bearing_rad, seen_m, side) for at, seen_m in zip(headings, ranges_m, strict=True)]
+
+
+def _square(at: Pose, bearings: Floats, ranges_m: Floats, side: Side) -> Pose:
+    """Return the pose at a point with the nearest of the walls that it sees square to it."""
     points = np.column_stack([ranges_m * np.cos(bearings), ranges_m * np.sin(bearings)])
     beside = slice(14, -14)  # 30 to 150 degrees
     nearest = 14 + int(np.argmin(ranges_m[beside]))
@@ -98,12 +116,13 @@ def _along_the_wall(geometry: GridGeometry, at: Pose, side: Side) -> Pose:
     return Pose(at.x_m, at.y_m, math.remainder(facing, math.tau))
 
 
-def _worth(geometry: GridGeometry, pose: Pose, side: Side, distance_m: float) -> float:
-    """Return the metres of free way, less a penalty for the deviation of the wall's distance."""
-    sides = pose.yaw_rad + side_sign(side) * np.radians(np.linspace(60.0, 120.0, 25))
-    ways = pose.yaw_rad + np.radians([-4.0, 0.0, 4.0, 176.0, 180.0, 184.0])
-    ranges_m = geometry.march(pose.x_m, pose.y_m, ways)
-    ahead_m, behind_m = min(_LOOK_AHEAD_M, ranges_m[:3].min()), min(1.0, ranges_m[3:].min())
-    along = [pose.ahead(forward_m) for forward_m in (-0.5, 0.0, 0.5, 1.0)]
-    walls_m = [float(geometry.march(at.x_m, at.y_m, sides).min()) for at in along]
-    return float(ahead_m + behind_m - 20.0 * (max(walls_m) - min(walls_m)) - 5.0 * abs(walls_m[1] - distance_m))
+def _worths_m(geometry: GridGeometry, poses: Sequence[Pose], side: Side, distance_m: float) -> Floats:
+    """Return the metres of free way of each pose, less a penalty for the deviation of the wall's distance, (n,)."""
+    ranges_m = _marched_m(geometry, poses, np.radians([-4.0, 0.0, 4.0, 176.0, 180.0, 184.0]))
+    ahead_m = np.minimum(_LOOK_AHEAD_M, ranges_m[:, :3].min(axis=1))
+    behind_m = np.minimum(1.0, ranges_m[:, 3:].min(axis=1))
+    sides_rad = side_sign(side) * np.radians(np.linspace(60.0, 120.0, 25))
+    along = [pose.ahead(forward_m) for forward_m in (-0.5, 0.0, 0.5, 1.0) for pose in poses]
+    walls_m = _marched_m(geometry, along, sides_rad).min(axis=1).reshape(4, -1)
+    worth: Floats = ahead_m + behind_m - 20.0 * np.ptp(walls_m, axis=0) - 5.0 * np.abs(walls_m[1] - distance_m)
+    return worth
