@@ -17,6 +17,12 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.fixture
+def without_picture(monkeypatch):
+    """Write no picture: to draw one takes as long as to find the line."""
+    monkeypatch.setattr("wallride.sim.racing.command.save_picture", lambda file, *_: file.write(b"a picture"))
+
+
 def test_the_file_is_one_that_programs_of_the_field_read(here, capsys):
     assert cli.main(["line", "loop"]) == 0
     said = capsys.readouterr().out
@@ -32,6 +38,7 @@ def test_the_file_is_one_that_programs_of_the_field_read(here, capsys):
     assert (here / "loop.line.png").stat().st_size > 10_000
 
 
+@pytest.mark.usefixtures("without_picture")
 def test_a_line_is_a_path_for_another_line_the_other_way_round(here, capsys):
     assert cli.main(["line", "loop", "-o", "there.csv", "--json", "there.json"]) == 0
     assert cli.main(["line", "loop", "--path", "there.csv", "--reverse", "-o", "back.csv", "--json", "-"]) == 0
@@ -41,6 +48,7 @@ def test_a_line_is_a_path_for_another_line_the_other_way_round(here, capsys):
     assert np.sign([np.unwrap(yaw)[-1] - yaw[0] for yaw in yaw_rad]).tolist() in ([1, -1], [-1, 1])
 
 
+@pytest.mark.usefixtures("without_picture")
 def test_the_line_goes_beside_its_map_and_never_over_the_line_of_another(here, capsys, monkeypatch):
     cells = np.full((80, 120), 254, np.uint8)
     cells[[0, -1]] = cells[:, [0, -1]] = cells[25:55, 25:95] = 0
@@ -62,6 +70,7 @@ def test_the_line_goes_beside_its_map_and_never_over_the_line_of_another(here, c
     assert (here / "lab.line.csv").read_text() == mine
 
 
+@pytest.mark.usefixtures("without_picture")
 def test_a_line_tells_whether_it_goes_round_against_the_lap_of_its_map(here):
     cells = np.full((80, 120), 254, np.uint8)
     cells[[0, -1]] = cells[:, [0, -1]] = cells[25:55, 25:95] = 0
@@ -85,6 +94,7 @@ def test_a_place_to_avoid_lies_on_the_map(place, here, capsys):
     assert f"--avoid {place}: lies beside the map, whose walls lie at x -6.0 to 6.0 m" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("without_picture")
 def test_the_line_of_a_refused_map_says_so(here, capsys):
     cells = np.full((80, 120), 254, np.uint8)
     cells[[0, -1]] = cells[:, [0, -1]] = cells[25:55, 25:95] = 0
