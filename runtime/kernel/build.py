@@ -39,7 +39,7 @@ def build(root: Path, target: Path, *, native: bool = False) -> None:
 
     native: for this machine's processor only.
     """
-    headers = _headers(root)
+    headers = _headers(Survey(root))
     files = [str(path) for folder in C_FOLDERS for path in sorted((root / folder).rglob("*.c"))]
     with tempfile.TemporaryDirectory() as scratch:
         for name, text in headers.items():
@@ -52,8 +52,7 @@ def build(root: Path, target: Path, *, native: bool = False) -> None:
         _place(made, target)
 
 
-def _headers(root: Path) -> dict[str, str]:
-    survey = Survey(root)
+def _headers(survey: Survey) -> dict[str, str]:
     try:
         seal = survey.seal()
     except ValueError as error:

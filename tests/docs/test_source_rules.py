@@ -44,6 +44,14 @@ class Module:
             self.imports |= {f"{node.module}.{alias.name}" for alias in node.names} | {node.module}
 
 
+def statements(node):
+    """Yield every statement below a node; most nodes of a tree are expressions, which have no statement in them."""
+    for name in ("body", "handlers", "cases", "orelse", "finalbody"):
+        for below in getattr(node, name, ()):
+            yield below
+            yield from statements(below)
+
+
 @cache
 def modules():
     """Return the modules by their paths; read once."""
@@ -51,8 +59,8 @@ def modules():
     for path in sources(".py"):
         text = path.read_text()
         module = found[str(path.relative_to(ROOT))] = Module(len(text.splitlines()))
-        for node in ast.walk(ast.parse(text)):
-            module.take(node)
+        for statement in statements(ast.parse(text)):
+            module.take(statement)
     return found
 
 

@@ -22,14 +22,14 @@ from wallride.runtime.kernel.build import FILE, BuildError, _headers, build
 from wallride.runtime.kernel.survey import Survey, c_digest, read_seal
 
 survey = functools.cache(lambda: Survey(ROOT))
-headers = functools.cache(_headers)
+headers = functools.cache(lambda: _headers(survey()))
 SEAL_AGAIN = "after the C does the same and these tests pass: wallride build-kernel --seal"
 NEAR = "runtime/control/perception/obstacles/rear_memory.py"
 
 
 @pytest.fixture(autouse=True)
 def the_source_is_surveyed_once(monkeypatch):
-    monkeypatch.setattr("wallride.runtime.kernel.build._headers", headers)
+    monkeypatch.setattr("wallride.runtime.kernel.build._headers", lambda _survey: headers())
 
 
 def test_wrong_arguments_are_refused_and_crash_nothing(compiled):
@@ -263,7 +263,7 @@ def test_a_compiler_that_fails_leaves_nothing_behind(monkeypatch, tmp_path):
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no gcc here")
 @pytest.mark.slow
 def test_the_c_has_no_warnings(tmp_path):
-    for name, text in headers(ROOT).items():
+    for name, text in headers().items():
         (tmp_path / name).write_text(text)
     foreign = (f"-isystem{folder}" for folder in (np.get_include(), sysconfig.get_paths()["include"]))
     files = [*(ROOT / "runtime/kernel").rglob("*.c"), ROOT / "sim/world/casting.c"]
