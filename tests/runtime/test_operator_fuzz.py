@@ -1,4 +1,4 @@
-"""A hundred thousand payloads that are no commands, or not quite: counted, refused, never raised, hardly logged."""
+"""Tens of thousands of payloads that are no commands, or not quite: counted, refused, never raised, hardly logged."""
 
 import math
 import random
@@ -11,8 +11,8 @@ from tests.runtime.operator_rig import Rig
 from wallride.runtime.teleop.sessions import MAX_SESSIONS
 from wallride.runtime.wire.teleop import COMMAND_BYTES, Malformed, Press, read_command
 
-ROUNDS = 100_000
-MUTATED = 30_000
+ROUNDS = 30_000
+MUTATED = 10_000
 BAD_FLOATS = [math.nan, math.inf, -math.inf, 1e30, -1e30]
 BAD_NAMES = [b"\xff\xfe\xfd", b"\x1b[2J", b"a\nb", b"\x00a", "\u202e".encode(), b"x" * 23 + b"\xc3", b"\x7f"]
 

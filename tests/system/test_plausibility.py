@@ -50,7 +50,7 @@ def test_a_car_whose_lidar_is_turned_stands_after_half_a_metre_for_good(world, y
     """Also without an operator: no try brings it nearer to what it does not see."""
     turned = LidarSettings(noise_std_m=0.02).model_copy(update={"mount_yaw_rad": math.radians(yaw_deg)})
     start = load_world(world).start
-    told = tell(Story(world, 8.0, lambda _: [], speed_mps=1.0, lidar=turned, permit="always", backs_out=False))
+    told = tell(Story(world, 5.0, lambda _: [], speed_mps=1.0, lidar=turned, permit="always", backs_out=False))
     assert told.reasons[-1] == (f"motor fault: {BACKWARDS}" if yaw_deg == 180 else TURNED)
     assert told.contact_mps is None
     if world != "dead_end" or yaw_deg != 180:  # in parallel walls, what is behind looks like what is ahead

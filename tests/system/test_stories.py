@@ -359,8 +359,8 @@ def test_a_dirty_window_is_said_and_a_clean_one_is_not():
 
 
 def test_the_dead_end_is_the_end_without_backing_out():
-    told = tell(replace(STORIES["dead end"], lasts_s=11.0, speed_mps=2.0))
+    told = tell(replace(STORIES["dead end"], lasts_s=8.0, speed_mps=2.0))
     assert min(told.speed_mps) < -0.2
-    waits = stories.tell(replace(STORIES["dead end"], lasts_s=11.0, speed_mps=2.0, backs_out=False))
+    waits = stories.tell(replace(STORIES["dead end"], lasts_s=8.0, speed_mps=2.0, backs_out=False))
     assert min(waits.speed_mps) > -0.05
     assert waits.reasons[-5] == "boxed in"

@@ -19,7 +19,7 @@ from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, Case, drive
 from wallride.sim.world.beams import NO_RETURN_MM, LidarSettings
 from wallride.sim.world.worlds import load_world
 
-FROM_S = 3.0
+FROM_S = 2.0
 STOPS_WITHIN_M = 0.6
 """Half a metre until it is told, and the stop."""
 BEAMS = LidarSettings().beams
@@ -82,7 +82,7 @@ class Untrue:
         return np.roll(reported_mm, 240)
 
 
-def tell(kind, world, *assignments, from_s=FROM_S, duration_s=8.0, seed=3):
+def tell(kind, world, *assignments, from_s=FROM_S, duration_s=5.0, seed=3):
     """Return the run, and the way driven from the moment on."""
     settings = load_settings(None, ["wall_follow.speed_mps=1.0", *assignments])
     laws = LiveLaws(settings.wall_follow, settings.safety, settings.car)
@@ -94,7 +94,7 @@ def tell(kind, world, *assignments, from_s=FROM_S, duration_s=8.0, seed=3):
 @pytest.mark.parametrize("kind", ["knocked_left", "knocked_right"])
 @pytest.mark.parametrize("world", ["loop", "dead_end"])
 def test_a_lidar_that_is_turned_in_the_drive_stops_the_car(kind, world):
-    done, way_m = tell(kind, world)
+    done, way_m = tell(kind, world, from_s=3.0, duration_s=6.0)
     assert done.contact is None
     assert way_m < 1.4  # less than to the wall that it would meet then
     assert done.reasons[-1] in {BACKWARDS, WRONG_SCALE, TURNED, HELD_OR_TURNED}
@@ -154,7 +154,7 @@ class Blanked:
 def test_a_blank_of_a_lidar_with_fewer_beams_stops_the_car_too(word, within_rad):
     settings = load_settings(None, ["wall_follow.speed_mps=1.0"])
     laws = Blanked(LiveLaws(settings.wall_follow, settings.safety, settings.car), within_rad)
-    done = drive(Case(load_world("dead_end"), duration_s=7.0, seed=3, turning=word), laws, laws)
+    done = drive(Case(load_world("dead_end"), duration_s=5.0, seed=3, turning=word), laws, laws)
     assert done.contact is None
     assert scene_agreement.VANISHED in done.reasons
     places = done.pose[done.time_s >= FROM_S, :2]
@@ -183,7 +183,7 @@ def drive_by(word, world, seed, duration_s=7.0, beams=ROUGH_BEAMS):
 @pytest.mark.parametrize(("word", "world"), [("a1", "loop"), ("x2", "u_turn")])
 def test_a_slow_lidar_that_shows_its_last_turn_again_with_a_noise_of_its_own_stops_the_car(word, world, monkeypatch):
     monkeypatch.setattr(turning_sensor, "TurningHead", StoredTurns)
-    done = drive_by(word, world, 3, beams=LidarSettings(noise_std_m=0.01))
+    done = drive_by(word, world, 3, duration_s=5.0, beams=LidarSettings(noise_std_m=0.01))
     assert done.contact is None
     assert done.reasons[-1] == scene_agreement.STANDS
     places = done.pose[done.time_s >= FROM_S, :2]
@@ -192,8 +192,8 @@ def test_a_slow_lidar_that_shows_its_last_turn_again_with_a_noise_of_its_own_sto
 
 def test_a_slow_lidar_that_measures_again_is_believed_again(monkeypatch):
     monkeypatch.setattr(turning_sensor, "TurningHead", StoredTurns)
-    monkeypatch.setattr(StoredTurns, "until_s", FROM_S + 3.0)
-    done = drive_by("a1", "loop", 3, duration_s=9.0, beams=LidarSettings(noise_std_m=0.01))
+    monkeypatch.setattr(StoredTurns, "until_s", FROM_S + 2.0)
+    done = drive_by("a1", "loop", 3, duration_s=7.0, beams=LidarSettings(noise_std_m=0.01))
     assert scene_agreement.STANDS in done.reasons
     assert done.speed_mps[-1, 0] > 0.8
 
@@ -214,7 +214,7 @@ def test_walls_along_the_way_are_no_doubt_where_head_and_samples_are_in_step():
     [("dead_end", 1.0), ("corridor", 3.0), *slow(("loop", 1.0), ("doorway", 3.0), ("cluttered", 3.0))],
 )
 def test_a_lidar_that_tells_the_truth_is_never_doubted(world, speed_mps):
-    done, _ = tell("noisy", world, f"wall_follow.speed_mps={speed_mps}", from_s=math.inf)
+    done, _ = tell("noisy", world, f"wall_follow.speed_mps={speed_mps}", from_s=math.inf, duration_s=8.0)
     assert not NAMED & set(done.reasons)
 
 

@@ -31,10 +31,11 @@ RANGES_M = ranges_between_walls(0.9, 1.1)
 class Drive:
     """A car on a desk. `go` lets time pass, and gives the recorder its turn ten times a second.
 
-    real: drive by the car's own laws, as they are by default.
+    period_s: from scan to scan.
     """
 
-    def __init__(self, folder: Path, *, disk=None, seed=1, real=False, **settings):
+    def __init__(self, folder: Path, *, disk=None, seed=1, period_s=PERIOD_S, **settings):
+        self.period_s = period_s
         self.clock = HandClock(100.0)
         self.clock_set_s = 0.0
         self.wall_clock = WallClock(self.clock, self.unix_ns)
@@ -116,7 +117,7 @@ class Drive:
                 self.step()
             for _ in range(40):
                 await asyncio.sleep(0)
-            self.clock.now_s += PERIOD_S - 0.001
+            self.clock.now_s += self.period_s - 0.001
             if write and self.clock.now_s >= turn_s + 0.1:
                 turn_s = self.clock.now_s
                 self.recorder.turn()

@@ -10,7 +10,7 @@ from wallride.runtime.recording.disk import Disk
 
 
 async def main():
-    drive = Drive(Path(sys.argv[1]), start="always", real=True, disk=Disk())
+    drive = Drive(Path(sys.argv[1]), start="always", disk=Disk())
     drive.permit()
     drive.recorder.start()
     telemetry = asyncio.create_task(drive.telemetry.run())

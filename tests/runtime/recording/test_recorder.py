@@ -4,12 +4,14 @@ import json
 import logging
 import re
 from collections import Counter
+from functools import partial
 
 import numpy as np
 import pytest
 
 from tests.runtime.observed import check_told
-from tests.runtime.recording.drives import EPOCH_NS, Drive
+from tests.runtime.recording import drives
+from tests.runtime.recording.drives import EPOCH_NS
 from tests.runtime.recording.reading import decoded_by_ros2_support, events, metadata, streamed
 from tests.runtime.recording.recorded import files, recordings
 from tests.runtime.telemetry.test_course_messages import shown
@@ -22,6 +24,8 @@ from wallride.runtime.settings.tree import Settings, load_settings
 from wallride.runtime.wire import topics
 from wallride.sim.virtual.devices import ranges_between_walls
 
+Drive = partial(drives.Drive, period_s=2 * drives.PERIOD_S)
+"""When it records is no matter of how many scans there are."""
 WALL_AHEAD_M = ranges_between_walls(0.9, 1.1, 0.28)
 
 

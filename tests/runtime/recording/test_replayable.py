@@ -60,7 +60,7 @@ def replayed(content):
 
 
 async def test_a_recording_from_the_start_decides_the_same_to_the_last_bit(tmp_path):
-    drive = Drive(tmp_path, start="always", real=True)
+    drive = Drive(tmp_path, start="always")
     drive.permit()
     await drive.go(3)
     await drive.go(1.5, ranges_m=ranges_between_walls(0.9, 1.1, 1.2))

@@ -9,7 +9,7 @@ from wallride.sim.world.pose import CAR
 from wallride.sim.world.race_tracks import MIN_INNER_RADIUS_M, MIN_RADIUS_M, POINT_EVERY_M, race_track
 from wallride.sim.world.worlds import load_world
 
-SEEDS = range(20)
+SEEDS = range(8)
 
 
 def walls_of(track):
