@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -243,11 +244,15 @@ def test_ctrl_c_ends_all_processes(tmp_path):
         start_new_session=True,
     ) as process:
         assert process.stdout is not None
-        process.stdout.readline()
-        with pytest.raises(subprocess.TimeoutExpired):
-            process.wait(timeout=3.0)  # the full plan takes far longer: it is under way
-        os.killpg(process.pid, signal.SIGINT)
-        _, said = process.communicate(timeout=20)  # returns when the last holder of the pipe is gone: no orphans
+        try:
+            process.stdout.readline()
+            with pytest.raises(subprocess.TimeoutExpired):
+                process.wait(timeout=3.0)  # the full plan takes far longer: it is under way
+            os.killpg(process.pid, signal.SIGINT)
+            _, said = process.communicate(timeout=20)  # returns when the last holder of the pipe is gone: no orphans
+        finally:
+            with suppress(ProcessLookupError):  # as it is where all have ended
+                os.killpg(process.pid, signal.SIGKILL)
     assert process.returncode == 130
     assert "interrupted" in said
     assert "Traceback" not in said
