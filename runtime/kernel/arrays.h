@@ -102,6 +102,8 @@ KERNEL(weigh_dirt);
 KERNEL(find_dirt);
 KERNEL(find_near_places);
 KERNEL(places_behind);
+KERNEL(seen_again);
+KERNEL(expected_m);
 KERNEL(watch_sectors);
 KERNEL(lay_on_lines);
 KERNEL(beside_path_m);

@@ -25,11 +25,19 @@ import numpy as np
 from wallride.drivers.api import Scan
 from wallride.runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
 from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.rear_places import Beams, around, expected_m, on_the_line, seen_again
+from wallride.runtime.control.perception.rear_places import (
+    PLACES_NEARER_THAN_M,
+    SAME_PLACE_BEAMS,
+    Beams,
+    around,
+    expected_m,
+    on_the_line,
+    polar,
+    seen_again,
+)
 from wallride.runtime.control.perception.view import DOUBTED_BEYOND_RAD, DOUBTED_NEARER_THAN_M, View, supported
 
-PLACES_NEARER_THAN_M = 1.1
-"""Maximum range of stored places: farther ones are seen nearer before they pass behind the shoulder."""
+ROUNDING_M = 1e-9
 KEY_EVERY_M, KEY_EVERY_RAD = 0.04, 0.1
 KEYS = 12
 WEIGHS_EVERY_M = 0.02
@@ -67,11 +75,15 @@ class KnownParts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _NearScan:
-    """An earlier scan: where the lidar was and looked, and the places of near returns beside and behind it; odom."""
+    """An earlier scan: where the lidar was and looked, and the places of near returns beside and behind it; odom.
+
+    polar: of the places, in the lidar frame of then.
+    """
 
     at_m: complex
     turned: complex
     places: Places
+    polar: tuple[Floats, Floats]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +91,8 @@ class _Rear:
     """The beams behind the shoulders of one kind of lidar, (k,), how many of them are on the side that comes first.
 
     before: of each side, the beams from the shoulder forward. aback, beside: (n,), whether a beam is behind the
-    shoulders, and beside or behind. below_m: (n,), everything in doubt.
+    shoulders, and beside or behind. below_m: (n,), everything in doubt. to_x_m: the rear beams meet no place that is
+    farther ahead of the lidar, not even with the gates of `rear_places`.
     """
 
     beams: Beams
@@ -88,6 +101,7 @@ class _Rear:
     aback: Booleans
     beside: Booleans
     below_m: Floats
+    to_x_m: float
 
 
 class OwnParts:
@@ -110,6 +124,7 @@ class OwnParts:
         self._evidence, self._part_m = np.zeros(count), np.full(count, math.nan)
         self._keys: deque[_NearScan] = deque(maxlen=KEYS)
         self._world: deque[Places] = deque(maxlen=WORLD_VIEWS)
+        self._all_world: Places = NOWHERE
         self._weighed_m: complex | None = None
         self._stamp_s = math.nan
         self.below_m: Floats | None = rear.below_m if rear is not None else None
@@ -123,9 +138,12 @@ class OwnParts:
             self._part_m = ranges_m[rear.beams]
             self._evidence = np.where(np.isfinite(self._part_m), 1.0, 0.0)
         self._parts: Booleans = self._evidence > PART_ABOVE
+        self._rim: Booleans | None = None
         self._through_scans, self._through = np.zeros(count, np.intp), np.zeros(count, np.bool_)
+        self._shut: Booleans = ~self._through
         self._doubted_m = rear.below_m if rear is not None else None
         self._settled = self._evidence.copy(), self._part_m.copy()
+        self._is_settled = True
 
     @property
     def parts(self) -> Booleans:
@@ -162,7 +180,7 @@ class OwnParts:
         kind = scan.angle_min_rad, scan.angle_step_rad, scan.ranges_m.shape[0]
         rear = self._rear
         if rear is None or kind != self._kind:
-            rear = _rear_of(view)
+            rear = rear_of(view)
             self._begin(kind, rear)
         elapsed_s, self._stamp_s = scan.stamp_s - self._stamp_s, scan.stamp_s
         turned = cmath.rect(1.0, pose.yaw_rad)
@@ -194,9 +212,8 @@ class OwnParts:
         self._weighed_m = seen.at_m
         fixed, moved = none.copy(), none.copy()
         for key in keys:
-            here = seen.again((key.places - key.at_m) * key.turned.conjugate())
-            there = seen.again((key.places - seen.at_m) * seen.turned.conjugate())
-            fixed |= here & ~there & seen.was_in_view(key)
+            here, there = seen.again(*key.polar), seen.again(*seen.polar(key.places))
+            fixed |= seen.were_in_view(here & ~there, key)
             moved |= there & ~here
         both = fixed & moved
         fixed[both] = moved[both] = False
@@ -209,16 +226,17 @@ class OwnParts:
 
     def _see_through(self, seen: "_RearScan") -> None:
         """Find the beams (k,) that no part is before, at their sides neither."""
-        self._through_scans[self._parts | (seen.near & (self._through_scans < MIN_THROUGH_SCANS))] = 0
+        self._through_scans[self._parts | (seen.near & self._shut)] = 0
         self._through_scans += seen.rear_m >= DOUBTED_NEARER_THAN_M  # NaN compares as not beyond
         shut = self._through_scans < MIN_THROUGH_SCANS
-        through: Booleans = around(shut, seen.rear.first_side, PART_RIM_BEAMS) == 0
-        if not np.array_equal(through, self._through):
-            self._through = through
+        if shut.tobytes() != self._shut.tobytes():
+            self._shut = shut
+            self._through = around(shut, seen.rear.first_side, PART_RIM_BEAMS) == 0
             self._doubted_m = seen.rear.below_m.copy()
-            self._doubted_m[seen.rear.beams[through]] = 0.0
+            self._doubted_m[seen.rear.beams[self._through]] = 0.0
 
     def _learn(self, part: Booleans, world: Booleans, rear_m: Floats, way_m: float) -> None:
+        self._is_settled = False
         gain = 1.0 - math.exp(-way_m / PART_MEMORY_M)
         off_m = rear_m - self._part_m
         begun = part & ~(np.abs(off_m) < PART_RIM_M)  # NaN: the first time
@@ -232,14 +250,18 @@ class OwnParts:
     def _forget_the_way(self) -> None:
         """Discard what was learnt while the wheels turned and the car did not move."""
         self._keys.clear()
-        self._evidence, self._part_m = self._settled[0].copy(), self._settled[1].copy()
+        if not self._is_settled:
+            self._evidence, self._part_m, self._is_settled = self._settled[0].copy(), self._settled[1].copy(), True
 
     def _settle(self) -> None:
         """Confirm what was learnt: the car has really moved."""
+        if self._is_settled:
+            return
+        self._is_settled = True
         self._settled = self._evidence.copy(), self._part_m.copy()
         parts = (self._evidence > PART_ABOVE) | (self._parts & (self._evidence > PART_BELOW))
         if np.count_nonzero(parts != self._parts):
-            self._parts = parts
+            self._parts, self._rim = parts, None
             self.changes += 1
 
     def _on_the_wall(self, seen: "_RearScan") -> Booleans:
@@ -254,9 +276,10 @@ class OwnParts:
     def _in_doubt(self, seen: "_RearScan", world: Booleans) -> Booleans:
         """Return which beams (k,) may see the car itself; a part's rim is part of it."""
         rear, view = seen.rear, seen.view
-        rim = around(self._parts, rear.first_side, PART_RIM_BEAMS) > 0
-        doubtful = seen.near & ~world & ~rim & ~(view.own | view.solid)[rear.beams]
-        return doubtful & supported(view.ranges_m)[rear.beams]
+        if self._rim is None:
+            self._rim = around(self._parts, rear.first_side, PART_RIM_BEAMS) > 0
+        doubtful = seen.near & ~(world | self._rim | view.own[rear.beams] | view.solid[rear.beams])
+        return doubtful & supported(view.ranges_m)[rear.beams] if np.count_nonzero(doubtful) else doubtful
 
     def _expecting(self, seen: "_RearScan", pose: OdometryState, elapsed_s: float) -> Floats:
         """Return below_m for the expected pose of the car at the next scan."""
@@ -264,19 +287,13 @@ class OwnParts:
         ahead_s = elapsed_s if 0.0 < elapsed_s < MAX_STEP_S + seen.view.waits_s else 0.0
         turned = cmath.rect(1.0, pose.yaw_rad + pose.yaw_rate_radps * ahead_s)
         at_m = complex(pose.x_m, pose.y_m) + pose.speed_mps * ahead_s * seen.turned + self._lidar_m * turned
-        places = self._places(at_m, turned)
-        away_m = expected_m(scan.ranges_m.size, places, scan.angle_min_rad, scan.angle_step_rad)[rear.beams]
+        places = np.concatenate([self._all_world, self._world_now])
+        away_m = expected_m(scan.ranges_m.size, *polar(places, at_m, turned, rear.to_x_m, scan))[rear.beams]
         below_m = rear.below_m.copy()
         below_m[rear.beams] = np.minimum(np.maximum(away_m - EXPECTED_WITHIN_M, 0.0), DOUBTED_NEARER_THAN_M)
         below_m[rear.beams[self._through]] = 0.0
         below_m[rear.beams[self._parts]] = DOUBTED_NEARER_THAN_M
         return below_m
-
-    def _places(self, at_m: complex, turned: complex) -> Places:
-        """Return the near places of the world as seen from that pose, lidar frame."""
-        places = np.concatenate([*self._world, self._world_now])
-        seen: Places = (places - at_m) * turned.conjugate()
-        return seen[np.abs(seen) < PLACES_NEARER_THAN_M]
 
     def _key(self, seen: "_RearScan", back_m: float) -> _NearScan | None:
         """Return the newest scan taken at least back_m away, None without one near by."""
@@ -297,9 +314,11 @@ class OwnParts:
         view, rear = seen.view, seen.rear
         near = view.ranges_m < PLACES_NEARER_THAN_M
         near &= rear.beside
-        self._keys.append(_NearScan(seen.at_m, seen.turned, seen.places(near.nonzero()[0])))
+        places = seen.places(near.nonzero()[0])
+        self._keys.append(_NearScan(seen.at_m, seen.turned, places, seen.polar(places)))
         before = (near & view.solid & ~rear.aback).nonzero()[0]
         self._world.append(np.concatenate([seen.places(before), self._world_now]))
+        self._all_world = np.concatenate(self._world)
 
 
 @dataclass(slots=True, eq=False)
@@ -327,24 +346,29 @@ class _RearScan:
         places: Places = seen * self.turned + self.at_m
         return places
 
-    def again(self, places: Places) -> Booleans:
-        """Return which near beams (k,) end at one of these places (m,), lidar frame."""
-        scan, index = self.view.scan, np.flatnonzero(self.near)
-        again = np.zeros(self.near.shape, np.bool_)
-        beams = self.rear.beams[index]
-        again[index] = seen_again(self.view.ranges_m, beams, places, scan.angle_min_rad, scan.angle_step_rad)
+    def polar(self, places: Places) -> tuple[Floats, Floats]:
+        """Return range and beam of the places (m,), odom, that rear beams may meet here."""
+        return polar(places, self.at_m, self.turned, self.rear.to_x_m, self.view.scan)
+
+    def again(self, away_m: Floats, at_beam: Floats) -> Booleans:
+        """Return which near beams (k,) end at one of these places, `polar` (m,)."""
+        again, index = np.zeros(self.near.shape, np.bool_), self.near.nonzero()[0]
+        again[index] = seen_again(self.view.ranges_m, self.rear.beams[index], away_m, at_beam)
         return again
 
-    def was_in_view(self, key: _NearScan) -> Booleans:
-        """Return which rear beams (k,) end where an earlier scan has looked and remembers what it saw."""
-        places = (self.places(self.rear.beams) - key.at_m) * key.turned.conjugate()
-        bearing_rad = np.angle(places)  # NaN where a beam does not answer: not in view
+    def were_in_view(self, which: Booleans, key: _NearScan) -> Booleans:
+        """Return which of these rear beams (k,) end where an earlier scan has looked and remembers what it saw."""
+        index = which.nonzero()[0]
+        places = (self.places(self.rear.beams[index]) - key.at_m) * key.turned.conjugate()
+        bearing_rad = np.arctan2(places.imag, places.real)
         first_rad, last_rad = self.view.bearing_rad[0], self.view.bearing_rad[-1]
-        inside: Booleans = (bearing_rad > min(first_rad, last_rad)) & (bearing_rad < max(first_rad, last_rad))
-        return inside & (np.abs(bearing_rad) > BESIDE_FROM_RAD)
+        inside = (bearing_rad > min(first_rad, last_rad)) & (bearing_rad < max(first_rad, last_rad))
+        seen = which.copy()
+        seen[index] = inside & (np.abs(bearing_rad) > BESIDE_FROM_RAD)
+        return seen
 
 
-def _rear_of(view: View) -> _Rear:
+def rear_of(view: View) -> _Rear:
     """Return the rear beams of the lidar that took a scan."""
     bearing_rad = view.bearing_rad
     aside_rad = np.abs(bearing_rad)
@@ -356,4 +380,7 @@ def _rear_of(view: View) -> _Rear:
     first = ordered[bearing_rad[ordered] * first_sign > 0]
     second = ordered[bearing_rad[ordered] * first_sign < 0]
     first_side = int(np.count_nonzero(bearing_rad[rear] * first_sign > 0))
-    return _Rear(rear, first_side, (first, second), aback, beside, np.where(aback, DOUBTED_NEARER_THAN_M, 0.0))
+    from_rad = max(0.0, DOUBTED_BEYOND_RAD - SAME_PLACE_BEAMS * abs(view.scan.angle_step_rad))
+    to_x_m = PLACES_NEARER_THAN_M * max(0.0, math.cos(from_rad)) + ROUNDING_M
+    below_m = np.where(aback, DOUBTED_NEARER_THAN_M, 0.0)
+    return _Rear(rear, first_side, (first, second), aback, beside, below_m, to_x_m)

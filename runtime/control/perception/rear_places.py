@@ -3,13 +3,19 @@
 Places are complex numbers x + iy [m]; in the lidar frame an angle of one is a bearing.
 """
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
-from wallride.runtime.control.perception.geometry import Booleans, Floats, Places
+from wallride.drivers.accelerated import accelerated
+from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.geometry import Booleans, Floats, Places, places_m
 
 Beams = npt.NDArray[np.intp]
 
+PLACES_NEARER_THAN_M = 1.1
+"""Maximum range of stored places: farther ones are seen nearer before they pass behind the shoulder."""
 SAME_PLACE_M = 0.07
 SAME_PLACE_BEAMS = 4
 """Association gate in beams of a place with its return: covers noise, odometry, and the motion during the scan."""
@@ -21,11 +27,24 @@ LINE_STRAIGHT_M = 0.03
 LINE_WITHIN_M = 0.06
 
 
-def seen_again(ranges_m: Floats, beams: Beams, places: Places, angle_min_rad: float, angle_step_rad: float) -> Booleans:
-    """Return which of some beams, (k,), end at one of the places (m,) in the lidar frame; ranges_m is (n,)."""
-    if not beams.size or not places.size:
+def polar(places: Places, at_m: complex, turned: complex, to_x_m: float, scan: Scan) -> tuple[Floats, Floats]:
+    """Return the ranges of places, (m,), and the beams of a scan at their bearings, whole or between two.
+
+    at_m, turned: of the lidar, in the frame of the places. to_x_m: places farther ahead of it are left out, and those
+    beyond PLACES_NEARER_THAN_M.
+    """
+    here = (places - at_m) * turned.conjugate()
+    away_m = np.abs(here)
+    near = ((here.real <= to_x_m) & (away_m < PLACES_NEARER_THAN_M)).nonzero()[0]  # quicker than the mask
+    here = here[near]
+    return away_m[near], (np.arctan2(here.imag, here.real) - scan.angle_min_rad) / scan.angle_step_rad
+
+
+@accelerated
+def seen_again(ranges_m: Floats, beams: Beams, away_m: Floats, at_beam: Floats) -> Booleans:
+    """Return which of some beams, (k,), end at one of the places, `polar` (m,); ranges_m is (n,)."""
+    if not beams.size or not at_beam.size:
         return np.zeros(beams.shape, np.bool_)
-    away_m, at_beam = _polar(places, angle_min_rad, angle_step_rad)
     inside = (at_beam > -1.0) & (at_beam < ranges_m.size) & (away_m < ranges_m[beams].max() + SAME_PLACE_M)
     off_m = np.abs(ranges_m[beams][:, None] - away_m[inside])
     # Cast before: numpy 2.4 crashes where it finds no memory for its own buffers of a cast.
@@ -34,12 +53,10 @@ def seen_again(ranges_m: Floats, beams: Beams, places: Places, angle_min_rad: fl
     return again
 
 
-def expected_m(beams: int, places: Places, angle_min_rad: float, angle_step_rad: float) -> Floats:
-    """Return the expected range of every beam, (n,), by the nearest place (m,), lidar frame, beside it; inf if none."""
+@accelerated
+def expected_m(beams: int, away_m: Floats, at_beam: Floats) -> Floats:
+    """Return the expected range of every beam, (n,), by the nearest place, `polar` (m,), beside it; inf if none."""
     found_m = np.full(beams, np.inf)
-    if not places.size:
-        return found_m
-    away_m, at_beam = _polar(places, angle_min_rad, angle_step_rad)
     inside = (at_beam > -0.5) & (at_beam < beams - 0.5)
     nearest_m = np.full(beams + 2 * EXPECTED_BEAMS, np.inf)
     np.minimum.at(nearest_m, np.rint(at_beam[inside]).astype(np.intp) + EXPECTED_BEAMS, away_m[inside])
@@ -54,10 +71,12 @@ def on_the_line(x_m: Floats, y_m: Floats, solid: Booleans, before: Beams, beams:
     x_m, y_m, solid: of a View, (n,). before: beams from the shoulder forward; the wall is the piece that begins there.
     """
     none = np.zeros(beams.shape, np.bool_)
-    before = before[solid[before]]
-    if before.size < LINE_FEWEST or not beams.size:
+    if not beams.size:
         return none
-    places = x_m[before] + 1j * y_m[before]
+    before = before[solid[before]]
+    if before.size < LINE_FEWEST:
+        return none
+    places = places_m(x_m, y_m, before)
     jumps = np.flatnonzero(np.abs(places[1:] - places[:-1]) > LINE_JUMP_M)
     piece = places[: int(jumps[0]) + 1] if jumps.size else places
     if piece.size < LINE_FEWEST or abs(piece[-1] - piece[0]) < MIN_LINE_M:
@@ -69,9 +88,9 @@ def on_the_line(x_m: Floats, y_m: Floats, solid: Booleans, before: Beams, beams:
     if not size:
         return none
     along /= size
-    if float(np.sqrt(np.mean(np.square((off / along).imag)))) > LINE_STRAIGHT_M:
+    if math.sqrt(np.square((off / along).imag).sum() / off.size) > LINE_STRAIGHT_M:
         return none
-    aside_m = ((x_m[beams] + 1j * y_m[beams] - middle) / along).imag
+    aside_m = ((places_m(x_m, y_m, beams) - middle) / along).imag
     near: Booleans = np.abs(aside_m) < LINE_WITHIN_M
     return near
 
@@ -82,11 +101,8 @@ def around(which: Booleans, first_side: int, reach: int) -> npt.NDArray[np.intp]
     for part in (slice(0, first_side), slice(first_side, None)):
         some = which[part]
         if some.size and np.count_nonzero(some):
-            total = np.concatenate(([0], np.cumsum(some)))
-            index = np.arange(some.size)
-            counts[part] = total[np.minimum(index + reach + 1, some.size)] - total[np.maximum(index - reach, 0)]
+            total = np.zeros(some.size + 2 * reach + 1, np.intp)  # of the beams up to each, and beyond both ends
+            np.cumsum(some, out=total[reach + 1 : some.size + reach + 1])
+            total[some.size + reach + 1 :] = total[some.size + reach]
+            counts[part] = total[2 * reach + 1 :] - total[: some.size]
     return counts
-
-
-def _polar(places: Places, angle_min_rad: float, angle_step_rad: float) -> tuple[Floats, Floats]:
-    return np.abs(places), (np.angle(places) - angle_min_rad) / angle_step_rad

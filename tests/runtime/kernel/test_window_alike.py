@@ -136,3 +136,32 @@ def test_near_places_of_no_direction_or_of_different_lengths_are_refused(compile
         arrays[place] = arrays[place][1:]
         with pytest.raises(ValueError, match="different lengths"):
             compiled["find_near_places"](*arrays, 0.0, 0.0, 0.0)
+
+
+@settings(max_examples=120, deadline=None)
+@given(seed=st.integers(0, 2**32), beams=st.sampled_from([1, 40, BEAMS]), places=st.sampled_from([0, 1, 40, 500]))
+def test_any_places_are_seen_again_and_expected_alike(compiled, seed, beams, places):
+    rng = np.random.default_rng(seed)
+    ranges_m, away_m = rng.uniform(0.2, 1.2, beams), rng.uniform(0.0, 1.2, places)
+    rear = np.flatnonzero(rng.random(beams) < rng.choice([0.0, 0.5, 1.0]))
+    at_beam = rng.uniform(-6.0, beams + 6.0, places)
+    at_beam[::3] = np.round(2.0 * at_beam[::3]) / 2.0
+    for some in (away_m, at_beam):
+        some[rng.random(places) < 0.05] = math.nan
+    given_ = ranges_m, rear, away_m, at_beam
+    assert_same("seen_again", PYTHON["seen_again"](*given_), compiled["seen_again"](*given_))
+    due = beams, away_m, at_beam
+    with np.errstate(invalid="ignore"):
+        assert_same("expected_m", PYTHON["expected_m"](*due), compiled["expected_m"](*due))
+
+
+def test_places_of_different_lengths_and_beams_that_are_not_there_are_refused(compiled):
+    ones, beams = np.ones(9), np.arange(9)
+    for away_m, at_beam in ((ones[1:], ones), (ones, ones[1:])):
+        with pytest.raises(ValueError, match="different lengths"):
+            compiled["seen_again"](ones, beams, away_m, at_beam)
+        with pytest.raises(ValueError, match="different lengths"):
+            compiled["expected_m"](9, away_m, at_beam)
+    for wrong in (-1, 9):
+        with pytest.raises(IndexError):
+            compiled["seen_again"](ones, beams + wrong, ones, ones)
