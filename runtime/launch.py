@@ -65,8 +65,6 @@ SWITCH_S: Final = 5e-4
 """Time after which a thread that computes in Python leaves the interpreter to another, in a car with laws of the user:
 the loop waits that long after each system call. Python's own 5 ms let one busy thread of a law hold up the car for half
 a second; without such a thread they keep the recorder from interrupting an answer."""
-
-
 CAST_BUFFER: Final = 2048
 """Numbers that numpy casts at a time. Where it finds no memory for them (64 KiB by default), it ends the process."""
 
@@ -82,8 +80,6 @@ class BrakingMotor(Protocol):
 HOLD_WITHIN_S = 3.0
 """Maximum time that the car stands still for the session to open, so that one whose port is taken ends before it
 moved."""
-
-
 LEFT_AFTER_S = 0.3
 """Maximum time for which a car that stands waits for a session that still opens, after a signal to end."""
 
@@ -229,6 +225,9 @@ class PunctualLoop(asyncio.SelectorEventLoop):
         super().__init__(CheckedSelector())
         self._threads = ThreadPoolExecutor(thread_name_prefix="asyncio", initializer=ask_for_precedence)
         self.set_default_executor(self._threads)
+
+    def _check_signal(self, sig: int) -> None:
+        """Leave it to C: the base class lists all signals for it, of every signal that is held, once a second."""
 
     def add_signal_handler(self, sig: int, callback: Callable[..., object], *args: object) -> None:
         """Add a handler; RuntimeError for a signal that stops the car, whose handler is the car's own."""
