@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wallride.runtime.control.perception.geometry import bearings_rad
-from wallride.runtime.control.wall_following.wall_fit import MIN_INLIERS, LineFinder, WallLine
+from wallride.runtime.control.wall_following.wall_fit import MIN_INLIERS, LineFinder, WallLine, draw
 
 BEARING_RAD = bearings_rad(-math.radians(135), math.radians(0.25), 1081)[::-1]
 FINDER = LineFinder(BEARING_RAD)
@@ -167,3 +167,12 @@ def test_an_expected_line_that_is_not_nearly_everything_has_to_stand_for_the_vot
     assert find(ranges_m, expected=expected) == find(ranges_m)
     assert find(ranges_m, expected=expected, finder=NoVote(BEARING_RAD)) is None
     assert find(ranges_m, expected=WallLine(1.0, 0.0, 140), finder=NoVote(BEARING_RAD)) is None
+
+
+@pytest.mark.parametrize(("least", "most"), [(1, 1), (1, 2), (1, 5), (6, 44), (18, 132), (3, 1000)])
+@pytest.mark.parametrize("count", [1, 64, 333])
+def test_the_numbers_drawn_are_those_of_numpy(least, most, count):
+    whole, shares = draw(least, most, count)
+    numpy = np.random.default_rng(20)
+    assert np.array_equal(whole, numpy.integers(least, most + 1, count))
+    assert np.array_equal(shares, numpy.random(count))
