@@ -9,6 +9,7 @@ import numpy as np
 
 from wallride.drivers.api import Clock, Scan
 from wallride.runtime.control.laws import LiveLaws
+from wallride.runtime.control.perception.geometry import median
 from wallride.runtime.control.perception.own_parts import KnownParts
 from wallride.runtime.control.perception.window_dirt import groups
 from wallride.runtime.recording import own_parts_memory as memory
@@ -111,7 +112,7 @@ def _patches(known: KnownParts) -> list[dict[str, float]]:
         {
             "beams": group.size,
             "bearing_deg": round(float(bearing_deg[group].mean()), 1),
-            "range_m": round(float(np.median(range_m[group])), 2),
+            "range_m": round(median(range_m[group]), 2),
         }
         for group in groups(beam)
     ]

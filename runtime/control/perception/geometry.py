@@ -1,6 +1,8 @@
 """Geometry of the beams. Lidar frame: x forward, y left, angles counter-clockwise (REP-103)."""
 
+import math
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -93,3 +95,20 @@ def beside_path_m(points_m: Places, path_m: Places) -> Floats:
     apart_m: Floats = off_m.min(axis=1)
     apart_m[(nearest == chords.size - 1) & (share[:, -1] > 1.0)] = 0.0
     return apart_m
+
+
+def median(values: npt.NDArray[np.floating[Any]]) -> float:
+    """Return the median of some values (n,), n > 0, none of them NaN.
+
+    As numpy's, which imports numpy.ma at the first call: 30 ms in the middle of a drive, and 1.3 MiB.
+    """
+    ordered, half = np.sort(values), values.size // 2
+    return float(ordered[half] if values.size % 2 else (ordered[half - 1] + ordered[half]) / 2)
+
+
+def quantile(values: npt.NDArray[np.floating[Any]], share: float) -> float:
+    """Return the value below which a share of some values lies, linear between two; else as `median`."""
+    ordered, place = np.sort(values), share * (values.size - 1)
+    low, high = ordered[math.floor(place)], ordered[math.ceil(place)]
+    between = place - math.floor(place)
+    return float(low + (high - low) * between if between < 0.5 else high - (high - low) * (1.0 - between))

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from wallride.drivers.api import Scan
-from wallride.runtime.control.perception.geometry import Floats, points_m, sector
+from wallride.runtime.control.perception.geometry import Floats, median, points_m, quantile, sector
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.scan_shift import Shift, misfits_m, votes
 
@@ -229,14 +229,14 @@ def _has_vanished(base: _Kept, now: _Kept, lidar_m: complex) -> bool:
 
 
 def _is_blank(ranges_m: Floats) -> bool:
-    low_m, high_m = np.percentile(ranges_m, (10, 90))
+    low_m, high_m = quantile(ranges_m, 0.1), quantile(ranges_m, 0.9)
     return bool(high_m - low_m < BLANK_SPREAD_M or low_m > BLANK_BEYOND_M) or _is_loose(ranges_m)
 
 
 def _is_loose(ranges_m: npt.NDArray[np.floating[Any]]) -> bool:
     """Return whether no two neighbours among these ranges, NaN where there is none, belong together."""
     steps_m = np.abs(np.diff(ranges_m[np.isfinite(ranges_m)]))
-    return bool(steps_m.size > 0 and np.median(steps_m) > BLANK_STEP_M)
+    return bool(steps_m.size > 0 and median(steps_m) > BLANK_STEP_M)
 
 
 def _back_share(base: _Kept, now: _Kept, lidar_m: complex) -> float:
