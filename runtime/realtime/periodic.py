@@ -5,6 +5,7 @@ in one wake-up of the loop: a wake-up, and a task of its own, cost more than mos
 """
 
 import asyncio
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Never
@@ -37,10 +38,13 @@ class PeriodicTimer:
         self._clock = clock
         self._clear_s = clear_s
         self._ticked: list[_Ticked] = []
+        self._next_s = math.inf
 
     def every(self, period_s: float, tick: Tick) -> None:
         """Call `tick` once per period from `run` on; after a stall once, and never for the missed deadlines."""
-        self._ticked.append(_Ticked(period_s, (self._clock() // period_s + 1) * period_s, tick))
+        deadline_s = (self._clock() // period_s + 1) * period_s
+        self._next_s = min(self._next_s, deadline_s)
+        self._ticked.append(_Ticked(period_s, deadline_s, tick))
 
     async def run(self) -> Never:
         """Tick in a loop; within one wake-up in the order of `every`.
@@ -55,27 +59,28 @@ class PeriodicTimer:
             nonlocal timer
             try:
                 self._tick()
-                timer = loop.call_later(max(0.0, self._next_s() - self._clock()), strike)
+                timer = loop.call_later(max(0.0, self._next_s - self._clock()), strike)
             except Exception as error:
                 if over.done():  # cancelled just now
                     raise
                 over.set_exception(error)
 
-        timer = loop.call_later(max(0.0, self._next_s() - self._clock()), strike)
+        timer = loop.call_later(max(0.0, self._next_s - self._clock()), strike)
         try:
             await over
         finally:
             timer.cancel()
 
-    def _next_s(self) -> float:
-        return min(ticked.deadline_s for ticked in self._ticked)
-
     def _tick(self) -> None:
-        until_s, now_s = self._next_s() + TOGETHER_S, self._clock()
+        now_s = self._clock()
+        until_s, next_s = max(self._next_s + TOGETHER_S, now_s), math.inf
         for ticked in self._ticked:
-            if ticked.deadline_s <= max(until_s, now_s):
+            if ticked.deadline_s <= until_s:
                 late_s = max(0.0, now_s - ticked.deadline_s)
                 missed = int(late_s // ticked.period_s)
                 wanted_s = ticked.deadline_s + ticked.period_s * (missed + 1)
                 ticked.deadline_s = self._clear_s(wanted_s, SLACK_SHARE * ticked.period_s)
                 ticked.tick(late_s, missed)
+            if ticked.deadline_s < next_s:
+                next_s = ticked.deadline_s
+        self._next_s = next_s
