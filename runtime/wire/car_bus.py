@@ -27,13 +27,16 @@ MAX_WAITING_QUESTIONS: Final = 16
 MAX_ANSWERS_PER_POLL: Final = 2
 """Maximum number of questions of one kind that a poll answers: 200/s of all clients together."""
 
+_Inlet = tuple[Callable[[], Any], Callable[[Any], None], int]
+"""What receives one message or None without waiting, what takes it, and how many of them a poll takes."""
+
 
 class CarBus(Bus):
     """A bus that delivers only in `poll`, which the loop calls POLL_HZ times a second."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:  # noqa: ANN401 - those of a Bus
         super().__init__(*arguments, **options)
-        self._polls: list[Callable[[], None]] = []
+        self._inlets: list[_Inlet] = []
         self._mailboxes: list[PromptMailbox] = []
 
     @property
@@ -44,8 +47,12 @@ class CarBus(Bus):
     def poll(self) -> None:
         """Deliver what has come since the last time, in bounded time."""
         if self.is_open:
-            for poll in self._polls:
-                poll()
+            for receive, take, most in self._inlets:
+                one, left = receive(), most
+                while one is not None:
+                    take(one)
+                    left -= 1
+                    one = receive() if left else None
 
     def put_latched(self, key: str, payload: bytes, *, encoding: str, attachment: bytes) -> None:
         """Publish a message that never changes; late subscribers get it from zenoh's cache (advanced publisher)."""
@@ -71,8 +78,8 @@ class CarBus(Bus):
 
     async def close(self) -> None:
         """Close the session; what still waits is dropped."""
-        self._held.append(self._polls)  # what they hold ends with the session
-        self._polls = []
+        self._held.append(self._inlets)  # what they hold ends with the session
+        self._inlets = []
         await super().close()
         while self._mailboxes:
             self._mailboxes.pop().close()
@@ -123,33 +130,23 @@ class CarBus(Bus):
 
         subscriber = self._open_session.declare_subscriber(key, zenoh.handlers.RingChannel(MAX_WAITING_SAMPLES))
         self._held.append(subscriber)
-        self._polls.append(functools.partial(self._take_samples, subscriber, key, take, max_bytes))
+        take_one = functools.partial(self._take_sample, key, take, max_bytes)
+        self._inlets.append((subscriber.try_recv, take_one, MAX_WAITING_SAMPLES))
 
-    def _take_samples(
-        self, subscriber: "zenoh.Subscriber[Any]", key: str, take: "Callable[[zenoh.Sample], None]", max_bytes: int
+    def _take_sample(
+        self, key: str, take: "Callable[[zenoh.Sample], None]", max_bytes: int, sample: "zenoh.Sample"
     ) -> None:
-        for _ in range(MAX_WAITING_SAMPLES):
-            sample = subscriber.try_recv()
-            if sample is None:
-                return
-            name = str(sample.key_expr)
-            if "*" not in key and name != key:
-                self.strays += 1
-            elif len(sample.payload) > max_bytes:
-                self.oversized += 1
-            else:
-                take(sample)
+        name = str(sample.key_expr)
+        if "*" not in key and name != key:
+            self.strays += 1
+        elif len(sample.payload) > max_bytes:
+            self.oversized += 1
+        else:
+            take(sample)
 
     def _answer(self, key: str, reply: Reply) -> None:
         import zenoh
 
         queryable = self._open_session.declare_queryable(key, zenoh.handlers.RingChannel(MAX_WAITING_QUESTIONS))
         self._held.append(queryable)
-        self._polls.append(functools.partial(self._take_questions, queryable, key, reply))
-
-    def _take_questions(self, queryable: "zenoh.Queryable[Any]", key: str, reply: Reply) -> None:
-        for _ in range(MAX_ANSWERS_PER_POLL):
-            query = queryable.try_recv()
-            if query is None:
-                return
-            self._reply_to(key, reply, query)
+        self._inlets.append((queryable.try_recv, functools.partial(self._reply_to, key, reply), MAX_ANSWERS_PER_POLL))
