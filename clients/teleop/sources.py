@@ -140,6 +140,7 @@ class PadSource:
         self._layout: Layout | None = None
         self._state = PadState()
         self._mode: ModeWatch | None = None
+        self._away = Inputs(Input.PAD, live=False, trouble=PLUG_IN)
 
     @property
     def has_pad(self) -> bool:
@@ -152,7 +153,9 @@ class PadSource:
             self._take(happening, now_s)
         if self._pad is None:
             self._adopt()
-            return Inputs(Input.PAD, live=False, trouble=self._absence())
+            if (trouble := self._absence()) != self._away.trouble:
+                self._away = replace(self._away, trouble=trouble)
+            return self._away
         return self._read()
 
     def show(self, lines: Sequence[str], mood: str) -> None:
