@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wallride.drivers.api import Scan
+from wallride.drivers.value import value
 from wallride.runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.rear_places import (
@@ -73,7 +74,7 @@ class KnownParts:
     ranges_m: tuple[tuple[int, float], ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value(eq=False)
 class _NearScan:
     """An earlier scan: where the lidar was and looked, and the places of near returns beside and behind it; odom.
 

@@ -16,11 +16,11 @@ Pure and deterministic; slow computations run in `learn`, after the answer is se
 
 import math
 from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 
 from wallride.drivers.api import MotorState, Scan
+from wallride.drivers.value import value
 from wallride.runtime.control.perception.geometry import Floats
 from wallride.runtime.control.perception.motion_agreement import Agreement, MotionAgreement
 from wallride.runtime.control.perception.perception import Percept
@@ -173,7 +173,7 @@ class Plausibility:
                 self.motor_doubt, self.believed = _CONTRADICTIONS[found], False
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value(eq=False)
 class _Sight:
     """Ranges of every bearing, (k,), NaN without a return, and the heading of the car."""
 

@@ -17,13 +17,13 @@ each point that fits one of the two, standing or moving, and not the other, has 
 
 import math
 from collections import OrderedDict, deque
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from wallride.drivers.api import Scan
+from wallride.drivers.value import value
 from wallride.runtime.control.perception.geometry import Floats, median, points_m, quantile, sector
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.scan_shift import Shift, misfits_m, votes
@@ -78,7 +78,7 @@ CHANGED_SHARE = {STANDS: 0.05, VANISHED: 0.5}
 """Minimum share of the view ahead that changes before a car that stands, where it is trusted again."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@value(eq=False)
 class _Kept:
     """An earlier scan, and where it was taken by odometry. way_m: driven until then."""
 
