@@ -6,6 +6,7 @@ that lies first from the followed side, as `ball`, which answers every scan, too
 Everything between the mirror at the entrance and the one at the exit is for a wall on the left.
 """
 
+import cmath
 import math
 from dataclasses import replace
 from typing import Final
@@ -17,16 +18,15 @@ from wallride.runtime.control.corridor_following.borders import returns_of
 from wallride.runtime.control.corridor_following.corridor_settings import CorridorFollowSettings
 from wallride.runtime.control.corridor_following.kept_way import KeptWay, Way
 from wallride.runtime.control.corridor_following.marching import STEP_M, course_of, curvature_of
-from wallride.runtime.control.corridor_following.own_motion import OwnMotion
 from wallride.runtime.control.corridor_following.way_speed import WayGrip, way_speeds_mps
 from wallride.runtime.control.guidance import Guidance, Promise
 from wallride.runtime.control.line_following import line_law
-from wallride.runtime.control.line_following.line_law import Moving
 from wallride.runtime.control.line_following.promising import Return, way_ahead
 from wallride.runtime.control.line_following.race_line import CourseLine, OnLine
-from wallride.runtime.control.line_following.tyres import Tyres
 from wallride.runtime.control.perception.geometry import Floats
+from wallride.runtime.control.perception.motion.own_motion import DrivenPlace
 from wallride.runtime.control.perception.perception import Percept, Perception
+from wallride.runtime.control.tyres import Moving, Tyres
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.control.wall_following.ball import MAX_STEP_S, BallFollower
 from wallride.runtime.control.wall_following.ball_drive import SLIPPING_SHARE
@@ -61,7 +61,7 @@ class CorridorFollower:
         self._perception = perception
         self._ball = BallFollower(settings, car, perception.views)
         self._kept = KeptWay()
-        self._motion = OwnMotion()
+        self._here: DrivenPlace | None = None
         self._told_rad = 0.0
         self._stamp_s = math.nan
         self._rests = 0
@@ -73,7 +73,6 @@ class CorridorFollower:
         self._ball.tune(settings)
         if settings.side != self._settings.side:
             self._kept.forget()
-            self._motion = OwnMotion()
             self._told_rad = -self._told_rad
         self._settings = settings
 
@@ -96,7 +95,9 @@ class CorridorFollower:
         since_s = since_s if 0.0 < since_s < MAX_STEP_S else 0.0
         self._line = None
         self._stand(motor.speed_mps if motor is not None else 0.0, since_s)
-        guidance = self._by_way(self._perception.look(scan, motor))
+        seen = self._perception.look(scan, motor)
+        self._carry(seen, since_s)
+        guidance = self._by_way(seen)
         if guidance is not None:
             guidance = replace(guidance, distance_m=by_ball.distance_m)
         else:
@@ -110,15 +111,21 @@ class CorridorFollower:
         self._stood_s = self._stood_s + since_s if abs(speed_mps) < STANDS_MPS else 0.0
         self._wall_m = WALL_M if self._stood_s > STANDS_S else max(0.0, self._wall_m - max(0.0, speed_mps) * since_s)
 
+    def _carry(self, seen: Percept, since_s: float) -> None:
+        """Carry the way to this scan. It stays where it is in the odometry's frame: errors corrected since are its."""
+        last, self._here = self._here, seen.motion.here
+        way = self._kept.way
+        if last is None or since_s == 0.0 or seen.slid_s >= seen.scan.stamp_s:
+            self._kept.forget()
+        elif way is not None:
+            moved_m = (self._here.at_m - last.at_m) * last.turn.conjugate()
+            moved_m = moved_m if self._side > 0.0 else moved_m.conjugate()
+            turned_rad = self._side * cmath.phase(self._here.turn * last.turn.conjugate())
+            self._kept.way = way.carried(moved_m, turned_rad)
+
     def _by_way(self, seen: Percept) -> Guidance | None:
         """Answer by a way between the borders, None where there is none."""
         scan, motor, tyres = seen.scan, seen.motor, self._tyres()
-        moved = self._motion.step(seen, self._side, tyres)
-        trim_rad = self._motion.trim_rad
-        if moved is None or seen.slid_s >= scan.stamp_s:
-            self._kept.forget()
-        elif self._kept.way is not None:
-            self._kept.way = self._kept.way.carried(moved.at_m, moved.yaw_rad)
         self._rests = max(0, self._rests - 1)
         if motor is None or self._rests > 0 or self._wall_m > 0.0:
             self._kept.forget()
@@ -128,7 +135,8 @@ class CorridorFollower:
             self._rests = RESTS_SCANS
             self._kept.forget()
             return None
-        now = Moving(0j, 0.0, motor.speed_mps, self._motion.turn_radps, trim_rad)
+        motion = seen.motion
+        now = Moving(0j, 0.0, motor.speed_mps, self._side * motion.here.turn_radps, self._side * motion.trim_rad)
         self._line = line = self._line_of(way)
         return self._along(scan, now, line, line.nearest(0j, float(line.along_m[way.here])), tyres, way.seen)
 

@@ -21,15 +21,14 @@ from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.line_following.joining import way_is_free
 from wallride.runtime.control.line_following.lap_correction import AT_SPEED, LapCorrection
 from wallride.runtime.control.line_following.lap_memory import BuildUp, HeldBack, LapMemory
-from wallride.runtime.control.line_following.line_law import Moving
 from wallride.runtime.control.line_following.line_settings import LineFollowSettings
 from wallride.runtime.control.line_following.promising import Promises, Return, way_ahead
 from wallride.runtime.control.line_following.race_line import CourseLine, OnLine
-from wallride.runtime.control.line_following.trim import SteeringTrim
-from wallride.runtime.control.line_following.tyres import Tyres
 from wallride.runtime.control.localization.localizer import PoseEstimate, Whereabouts
 from wallride.runtime.control.perception.geometry import Floats
+from wallride.runtime.control.perception.motion.trim import SteeringTrim
 from wallride.runtime.control.perception.view import ViewCache
+from wallride.runtime.control.tyres import Moving, Tyres
 from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
 from wallride.runtime.control.wall_following.ball import MAX_STEP_S, BallFollower
 from wallride.runtime.control.wall_following.prediction import WIRE_S, slew_towards

@@ -9,13 +9,11 @@ reference figures of the prototype; the form is that of a pole pair with frequen
 most mu g C / v, at which a slip of the rear axle with cornering stiffness C dies away.
 """
 
-import cmath
 import math
 from typing import Final
 
-from wallride.drivers.value import value
 from wallride.runtime.control.line_following.race_line import CourseLine, OnLine
-from wallride.runtime.control.line_following.tyres import Tyres
+from wallride.runtime.control.tyres import Moving, Tyres
 
 FREQUENCY_RADPS, DAMPING = 6.0, 1.1
 SLOWEST_MPS: Final = 1.0
@@ -29,31 +27,6 @@ SPEED_AHEAD_S: Final = 0.10
 MOST_ASIDE_M: Final = 0.4
 """Largest lateral error that counts, and so the steepest way to the line (half of a right angle's sine, when slow)."""
 STEEPEST: Final = 0.5
-TURN_LAG_S: Final = 0.1
-"""Time in which the turn follows the wheels: servo, tyres and inertia."""
-
-
-@value()
-class Moving:
-    """A car on the map. place_m: rear axle, x + iy. trim_rad: angle of the wheels that are told to be straight."""
-
-    place_m: complex
-    yaw_rad: float
-    speed_mps: float
-    turn_radps: float
-    trim_rad: float = 0.0
-
-    def later(self, in_s: float, steering_rad: float, tyres: Tyres) -> "Moving":
-        """Return the car after a time. steering_rad: the angle that the wheels were told last."""
-        asked_radps = tyres.turn_radps(steering_rad + self.trim_rad, self.speed_mps, self.turn_radps)
-        change_radps = (1.0 - math.exp(-in_s / TURN_LAG_S)) * (asked_radps - self.turn_radps)
-        turned_rad = (self.turn_radps + 0.5 * change_radps) * in_s
-        slip_rad = tyres.rear_slip_rad(self.speed_mps * self.turn_radps)
-        way = cmath.exp(1j * (self.yaw_rad + 0.5 * turned_rad - slip_rad))
-        return Moving(
-            self.place_m + self.speed_mps * in_s * way, self.yaw_rad + turned_rad, self.speed_mps,
-            self.turn_radps + change_radps, self.trim_rad,
-        )  # fmt: skip
 
 
 def feedback_per_m(speed_mps: float, tyres: Tyres) -> float:

@@ -12,8 +12,8 @@ from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.localization.odometry_errors import AxleStep, OdometryErrors, Reckoned
 from wallride.runtime.control.localization.pose_filter import WheelStep
 from wallride.runtime.control.localization.wheel_steps import WheelSteps
+from wallride.runtime.control.perception.motion.scan_matching import ScanPose
 from wallride.runtime.control.perception.odometry import OdometryState, dead_reckon
-from wallride.runtime.control.perception.scan_matching import ScanPose
 from wallride.runtime.control.vehicle import CarSettings
 
 Vector = tuple[float, float, float]

@@ -19,6 +19,7 @@ import numpy as np
 from wallride.drivers.api import Correction, Scan
 from wallride.runtime.control.localization.pose_filter import SLIP_S2PM
 from wallride.runtime.control.perception.geometry import Floats
+from wallride.runtime.control.perception.motion.scan_matching import ScanPose
 from wallride.runtime.control.perception.scan_displacement import (
     Displacement,
     Patches,
@@ -26,7 +27,6 @@ from wallride.runtime.control.perception.scan_displacement import (
     displacement,
     patches_of,
 )
-from wallride.runtime.control.perception.scan_matching import ScanPose
 
 KEY_M, KEY_RAD, KEY_S = 0.8, 0.4, 5.0
 """Way, turn and age after which the newest scan becomes the key."""

@@ -14,6 +14,7 @@ from wallride.drivers.value import value
 from wallride.runtime.control.perception.geometry import NOWHERE, Places
 from wallride.runtime.control.perception.lidar_health import LidarHealth
 from wallride.runtime.control.perception.lidar_health_settings import LidarHealthSettings
+from wallride.runtime.control.perception.motion.own_motion import MatchedOdometry, OwnMotion
 from wallride.runtime.control.perception.obstacles.moving_obstacles import MovingObstacles
 from wallride.runtime.control.perception.obstacles.rear_memory import RearMemory
 from wallride.runtime.control.perception.obstacles.thin_obstacles import ThinObstacles
@@ -23,6 +24,7 @@ from wallride.runtime.control.perception.scene_motion import SceneMotion
 from wallride.runtime.control.perception.sliding_speed import SlidingSpeed
 from wallride.runtime.control.perception.view import View, ViewCache
 from wallride.runtime.control.perception.visibility.visibility import Visibility
+from wallride.runtime.control.tyres import Tyres
 from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
 
 KEPT_ANGLES = 64
@@ -30,30 +32,36 @@ KEPT_ANGLES = 64
 
 @value()
 class Assumed:
-    """What perception assumes of floor and window; safety's settings say it.
+    """What perception assumes of floor, window and tyres; safety's settings say it.
 
-    doubtful_mps: speed that is left while the window is in doubt. slippery_mps2: grip of a slippery floor.
+    doubtful_mps: speed that is left while the window is in doubt. slippery_mps2: grip of a slippery floor. mu,
+    front_per_rad, rear_per_rad: as those of `Tyres`.
     """
 
     window: LidarHealthSettings
     doubtful_mps: float
     slippery_mps2: float
+    mu: float
+    front_per_rad: float
+    rear_per_rad: float
 
 
 @value(eq=False)
 class Percept:
     """One scan as it is understood. The trackers are those of the stage: they change with its next scan.
 
-    pose: base_link in odom. speed_mps: signed, over the ground, also while the wheels are locked. wheel_rad: the
-    wheels' angle as reported. slid_s: stamp of the last scan with locked wheels, or without a report. past_rad: (stamp,
-    angle of the wheels) at the last scans, this one's last. unseen_m: obstacles that the view alone does not show, (k,)
-    in base_link: predicted places of what moves, and thin ones. ceiling_mps, ceiling_reason: of the window.
+    pose: base_link in odom. motion: corrected by scans, which odom is not. speed_mps: signed, over the ground, also
+    while the wheels are locked. wheel_rad: the wheels' angle as reported. slid_s: stamp of the last scan with locked
+    wheels, or without a report. past_rad: (stamp, angle of the wheels) at the last scans, this one's last. unseen_m:
+    obstacles that the view alone does not show, (k,) in base_link: predicted places of what moves, and thin ones.
+    ceiling_mps, ceiling_reason: of the window.
     """
 
     scan: Scan
     motor: MotorState | None
     view: View
     pose: OdometryState
+    motion: OwnMotion
     speed_mps: float
     wheel_rad: float
     slid_s: float
@@ -76,6 +84,7 @@ class Perception:
         self.car = car
         self.views = ViewCache(car)
         self.odometry = Odometry(car.wheelbase_m)
+        self.matched = MatchedOdometry(self._tyres(assumed))
         self.health = LidarHealth(assumed.window, car.wheelbase_m, assumed.doubtful_mps)
         self.scene_motion = SceneMotion(car.lidar_m)
         self.own_parts = OwnParts(car.lidar_m)
@@ -95,6 +104,10 @@ class Perception:
         self.learn()
         self.health.tune(assumed.window, assumed.doubtful_mps)
         self._speed.tune(GRAVITY_MPS2, assumed.slippery_mps2)
+        self.matched.tyres = self._tyres(assumed)
+
+    def _tyres(self, assumed: Assumed) -> Tyres:
+        return Tyres(self.car.wheelbase_m, assumed.mu, assumed.front_per_rad, assumed.rear_per_rad)
 
     def look(self, scan: Scan, motor: MotorState | None) -> Percept:
         """Understand one scan; asked again for the newest one, return the same percept."""
@@ -116,12 +129,14 @@ class Perception:
         lost = motor is None or self._speed.slides
         if lost:
             self._slid_s = scan.stamp_s
-        movers_m = self.movers.update(view, pose, scan.stamp_s, sliding=lost)
+        motion = self.matched.look(scan.stamp_s, motor)
+        driven = motion.here.odometry(pose.speed_mps)
+        movers_m = self.movers.update(view, driven, scan.stamp_s, sure=motion.sure, sliding=lost)
         thin_m = self.thin.update(view, pose, scan.stamp_s)
         unseen_m = np.concatenate([movers_m, thin_m]) if movers_m.size or thin_m.size else NOWHERE
         self._learnt = False
         self._percept = Percept(
-            scan, motor, view, pose, speed_mps, wheel_rad, self._slid_s, self._past_rad, unseen_m,
+            scan, motor, view, pose, motion, speed_mps, wheel_rad, self._slid_s, self._past_rad, unseen_m,
             self.health.ceiling_mps, self.health.reason, self.behind, self.movers, self.visibility,
         )  # fmt: skip
         return self._percept
@@ -158,7 +173,7 @@ class Perception:
         self._learnt = True
 
     def learn(self) -> None:
-        """Learn from the last scan what only later ones need: the window's dirt, and the memory of the rear.
+        """Learn from the last scan what only later ones need: the window's dirt, the memory of the rear, its place.
 
         Runs after the answer is sent, so that the motor does not wait for it; at the latest with the next scan.
         Idempotent.
@@ -173,5 +188,5 @@ class Perception:
         self.behind.keep(view, self.own_parts.doubtful)
         self.health.update(view, motor, scene_stands=self.scene_motion.stands)
         self.visibility.learn()
-        self.movers.learn(view, pose, sliding=motor is None or self._speed.slides)
+        self.matched.learn(view, lost=self._speed.slides)
         self.views.ignore(self.health.mask, self.own_parts.below_m)

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wallride.drivers.api import MotorState
 from wallride.drivers.value import value
 from wallride.runtime.arbitration.command import NO_LIMIT_MPS, Verdict
 from wallride.runtime.arbitration.promise import Promise
 from wallride.runtime.control.perception.geometry import ENOUGH_POINTS, Floats, Places
+from wallride.runtime.control.perception.motion.own_motion import DrivenPlace
 from wallride.runtime.control.perception.perception import Percept
 from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.safety.body import Body
@@ -24,8 +24,7 @@ from wallride.runtime.control.safety.footprint import (
     arc,
     slide_room_m,
 )
-from wallride.runtime.control.safety.manoeuvre_rollout import FRONT_SHARE
-from wallride.runtime.control.safety.promise_record import DrivenPlace, Given, PromiseRecord, TyreModel, place_of
+from wallride.runtime.control.safety.promise_record import Given, PromiseRecord
 from wallride.runtime.control.safety.promised_way import (
     CORRECTS_RAD,
     TOO_SHORT,
@@ -122,7 +121,8 @@ def believed(
     stamp_s = seen.scan.stamp_s
     if seen.motor is None:
         return None, record
-    here, fresh = _place(seen, seen.motor, strip, record), stamp_s > record.here.stamp_s
+    here, fresh = seen.motion.here, stamp_s > record.stamp_s
+    record = record.corrected(seen.motion.before)
     points = points_of(promise)
     if isinstance(points, Unbelievable) or stamp_s - seen.slid_s < SLID_S:
         reason = points.reason if isinstance(points, Unbelievable) else SLID
@@ -194,15 +194,6 @@ def _roadworthy(strip: Strip) -> Roadworthy:
         body.car.max_steering_rad, grip_mps2, 1.0 / (grip_mps2 * body.settings.cornering_per_rad),
         body.car.max_acceleration_mps2,
     )  # fmt: skip
-
-
-def _place(seen: Percept, motor: MotorState, strip: Strip, record: PromiseRecord) -> DrivenPlace:
-    """Return the car's place; its wheels obey with a delay of about one scan."""
-    car = _roadworthy(strip)
-    understeer = car.slip_rad_per_mps2 * (1.0 / FRONT_SHARE - 1.0)
-    told_rad = seen.past_rad[-2:][0][1]
-    tyres = TyreModel(car.wheelbase_m, car.slip_rad_per_mps2, understeer)
-    return place_of(record.here, motor, seen.scan.stamp_s, told_rad, tyres)
 
 
 def _leads_elsewhere(way: PromisedWay, car: Roadworthy, steering_rad: float, margin_m: float) -> bool:

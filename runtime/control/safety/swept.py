@@ -20,6 +20,7 @@ from wallride.runtime.control.safety.body import LOOK_SPARE_M, Body
 from wallride.runtime.control.safety.emergency import Emergency
 from wallride.runtime.control.safety.footprint import NOTHING, Contact
 from wallride.runtime.control.safety.lidar_reach import LidarReach
+from wallride.runtime.control.safety.manoeuvre_rollout import FRONT_SHARE
 from wallride.runtime.control.safety.promise_judgement import CLEAR, JudgedWay, believed
 from wallride.runtime.control.safety.promise_record import NO_PROMISES
 from wallride.runtime.control.safety.stopping import speed_to_stop_within_mps, stopping_distance_m
@@ -52,13 +53,9 @@ class SweptGuard:
     """
 
     def __init__(
-        self,
-        settings: SweptSettings,
-        car: CarSettings,
-        perception: Perception | None = None,
-        *,
+        self, settings: SweptSettings, car: CarSettings, perception: Perception | None = None, *,
         clock: Clock | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.settings = settings
         self.car = car
         self.body = Body(settings, car)
@@ -114,7 +111,9 @@ class SweptGuard:
 def assumed(settings: SweptSettings, window: LidarHealthSettings | None = None) -> Assumed:
     """Return what perception assumes by these settings."""
     slippery_mps2 = min(settings.slippery_mu, settings.grip_mu) * GRAVITY_MPS2
-    return Assumed(window or LidarHealthSettings(), settings.doubtful_mps, slippery_mps2)
+    rear = settings.cornering_per_rad
+    window = window or LidarHealthSettings()
+    return Assumed(window, settings.doubtful_mps, slippery_mps2, settings.grip_mu, FRONT_SHARE * rear, rear)
 
 
 @dataclass(slots=True, eq=False)

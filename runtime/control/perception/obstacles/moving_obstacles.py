@@ -1,9 +1,9 @@
 """Moving obstacles: small clusters are tracked in the odometry frame, and their predicted places count as occupied.
 
 A person crossing at 1.5 m/s is not in the path until it is too late, and one approaching the car occupies the distance
-that it needs to stop. `obstacle_track` decides what moves; scan matching (`perception.scan_matching`) corrects the
-odometry while there is a track, so that what crosses slowly is told from an error of the heading. The object's points,
-extrapolated along its motion for the next moments, are added to the points that the safety sweeps.
+that it needs to stop. `obstacle_track` decides what moves, by odometry that scans correct (`perception.motion`): so
+what crosses slowly is told from an error of the heading. The object's points, extrapolated along its motion for the
+next moments, are added to the points that the safety sweeps.
 """
 
 import cmath
@@ -20,7 +20,6 @@ from wallride.runtime.control.perception.obstacles.obstacle_track import (
     ScanLook,
 )
 from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.scan_matching import MatchedOdometry
 from wallride.runtime.control.perception.view import View
 
 WITHIN_M = 6.0
@@ -62,7 +61,7 @@ CARRIED_POINTS = np.linspace(0.0, 1.0, 6)
 
 
 class MovingObstacles:
-    """Holds the tracks of moving obstacles. Call `update` once per scan, and `learn` after it.
+    """Holds the tracks of moving obstacles. Call `update` once per scan.
 
     any_moves: whether one was seen to move at the last update.
     """
@@ -70,19 +69,21 @@ class MovingObstacles:
     def __init__(self) -> None:
         self._tracks: list[ObstacleTrack] = []
         self._turning_radps = 0.0
-        self._odometry = MatchedOdometry()
+        self._sure = False
         self.any_moves = False
         self._look: ScanLook | None = None
 
-    def update(self, view: View, pose: OdometryState, stamp_s: float, *, sliding: bool = False) -> Places:
+    def update(
+        self, view: View, pose: OdometryState, stamp_s: float, *, sure: bool = False, sliding: bool = False
+    ) -> Places:
         """Return the predicted places, (k,) in base_link, of moving obstacles in the next 0.9 s; k = 0 without any.
 
+        pose: by an odometry that scans correct. sure: the last one determined its shift to the side and its turn.
         sliding: the wheels are locked, so that the odometry stands still while everything comes nearer: velocities are
         neither updated nor forgotten, and what moved before still does.
         """
         self._turning_radps = max(abs(pose.yaw_rate_radps), TURNING_FADES * self._turning_radps)
-        self.any_moves = False
-        self._look = None
+        self.any_moves, self._sure, self._look = False, sure, None
         slow, step_rad = view.waits_s > SLOW_S, abs(view.scan.angle_step_rad)
         bridged = _bridged(view.solid, view.ranges_m, step_rad) if slow else (view.solid, view.ranges_m)
         things = find_small_clusters(*bridged, step_rad)
@@ -90,15 +91,14 @@ class MovingObstacles:
             return NOWHERE  # the usual case
         if len(things) > MAX_THINGS:
             things = sorted(things, key=lambda thing: float(view.ranges_m[thing[0]]))[:MAX_THINGS]
-        at_m, yaw_rad = self._odometry.pose(pose)
-        look = ScanLook(view, at_m, cmath.rect(1.0, yaw_rad))
+        look = ScanLook(view, complex(pose.x_m, pose.y_m), cmath.rect(1.0, pose.yaw_rad))
         bounds = self._bounds(abs(pose.speed_mps), slow=slow)
         fresh: list[ObstacleTrack] = []
         strips: list[Places] = []
         for first, last in things:
             beams = view.solid[first : last + 1].nonzero()[0] + first
             points = places_m(view.x_m, view.y_m, beams)
-            track = self._follow(points * look.turned + at_m, stamp_s, look, sliding=sliding)
+            track = self._follow(points * look.turned + look.at_m, stamp_s, look, sliding=sliding)
             fresh.append(track)
             if not sliding:
                 track.judge(look, float(view.ranges_m[first]), bounds)
@@ -128,18 +128,11 @@ class MovingObstacles:
         seen = [track for track in self._tracks if track.seen_s == now_s]
         return [track for track in seen if track.moves or (stood and track.goes(look, MIN_SPEED_MPS, MOVED_M))]
 
-    def learn(self, view: View, pose: OdometryState, *, sliding: bool = False) -> None:
-        """Correct the odometry by the scan of the last update, while there are tracks that need it."""
-        if self._tracks and not sliding:
-            self._odometry.learn(view, pose)
-        else:
-            self._odometry.forget()
-
     def _bounds(self, speed_mps: float, *, slow: bool) -> MotionBounds:
         """Return what a track must exceed at this speed of the car. slow: the lidar is."""
         scans, soon_scans = (SLOW_SEEN_SCANS, SLOW_SEEN_SCANS) if slow else (SEEN_SCANS, SURE_SEEN_SCANS)
         toward_mps, shown = MIN_SPEED_MPS + MIN_SPEED_SHARE * speed_mps, (MOVED_M, scans)
-        if not self._odometry.sure:
+        if not self._sure:
             turning_per_s = TURNING_SHARE * self._turning_radps
             return MotionBounds(toward_mps, toward_mps, turning_per_s, shown, shown, NARROW_WIDTH_M)
         aside_mps = SURE_SPEED_MPS + SURE_SPEED_SHARE * speed_mps

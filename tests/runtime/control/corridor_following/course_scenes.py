@@ -9,8 +9,9 @@ from wallride.drivers.api import MotorState
 from wallride.runtime.control.corridor_following.borders import returns_of
 from wallride.runtime.control.corridor_following.corridor_follower import CorridorFollower
 from wallride.runtime.control.corridor_following.corridor_settings import CorridorFollowSettings
-from wallride.runtime.control.perception.lidar_health_settings import LidarHealthSettings
-from wallride.runtime.control.perception.perception import Assumed, Perception
+from wallride.runtime.control.perception.perception import Perception
+from wallride.runtime.control.safety.swept import assumed
+from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.control.wall_following.followed_wall import side_view
 from wallride.sim.virtual.closed_loop import as_scan
@@ -55,7 +56,7 @@ def report(stamp_s, speed_mps=0.0, distance_m=0.0, steering_rad=0.0):
 
 
 def perception(car=CAR):
-    return Perception(car, Assumed(LidarHealthSettings(), 0.5, 0.5 * 9.81))
+    return Perception(car, assumed(SweptSettings()))
 
 
 def follower(car=CAR, **settings):

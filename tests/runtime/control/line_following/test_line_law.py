@@ -7,8 +7,8 @@ import pytest
 
 from tests.runtime.control.line_following.lines import circle
 from wallride.runtime.control.line_following import line_law
-from wallride.runtime.control.line_following.line_law import Moving, heading_error_rad, speed_mps, steering_rad
-from wallride.runtime.control.line_following.tyres import MOST_SHARE, Tyres, slip_rad
+from wallride.runtime.control.line_following.line_law import heading_error_rad, speed_mps, steering_rad
+from wallride.runtime.control.tyres import MOST_SHARE, Moving, Tyres, slip_rad
 from wallride.runtime.control.vehicle import GRAVITY_MPS2
 
 TYRES = Tyres(0.33, 0.8, 4.7, 5.5)

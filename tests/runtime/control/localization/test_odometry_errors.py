@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from tests.runtime.control.localization.rooms import Room, report
-from wallride.runtime.control.line_following.tyres import slip_rad
 from wallride.runtime.control.localization.gyro_odometry import GyroOdometry
 from wallride.runtime.control.localization.odometry_errors import BIAS, GYRO_SCALE, SCALE, SLIP
 from wallride.runtime.control.perception.odometry import Odometry
+from wallride.runtime.control.tyres import slip_rad
 from wallride.runtime.control.vehicle import CarSettings
 
 CAR = CarSettings()

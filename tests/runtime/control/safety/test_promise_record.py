@@ -5,13 +5,13 @@ import cmath
 import numpy as np
 import pytest
 
+from wallride.runtime.control.perception.motion.own_motion import DrivenPlace
 from wallride.runtime.control.safety.promise_record import (
     KEPT_S,
     LEAST_MARGIN_M,
     LEFT,
     NO_PROMISES,
     TAKEN_BACK,
-    DrivenPlace,
 )
 
 AHEAD_M = np.arange(0.0, 6.0, 0.1) + 0j
@@ -93,9 +93,9 @@ def test_a_pose_that_is_corrected_at_once_widens_the_margin_over_both_paths(shif
 
 
 @pytest.mark.parametrize(
-    ("speed_mps", "bend_per_m", "reason"), [(6.0, 0.12, ""), (2.0, 0.12, ""), (2.0, 0.4, TAKEN_BACK)]
+    ("speed_mps", "bend_per_m", "reason"), [(6.0, 0.05, ""), (2.0, 0.05, ""), (2.0, 0.25, TAKEN_BACK)]
 )
-def test_a_trim_of_the_wheels_takes_no_straight_path_back(speed_mps, bend_per_m, reason):
+def test_what_the_odometry_errs_takes_no_straight_path_back(speed_mps, bend_per_m, reason):
     record, _ = kept(40, speed_mps)
     for number in range(40, 100):
         straight, bent_m = place(number, speed_mps), 0.025 * (number - 40) * speed_mps
@@ -106,6 +106,16 @@ def test_a_trim_of_the_wheels_takes_no_straight_path_back(speed_mps, bend_per_m,
         if record.reason:
             break
     assert record.reason == reason
+
+
+def test_a_promise_is_placed_where_its_own_scan_puts_the_car():
+    record, here = kept(40)
+    put = here._replace(at_m=here.at_m + 0.04j, turn=cmath.exp(0.1j))
+    given = record.corrected(put).given
+    assert given[:-1] == record.given[:-1]
+    assert given[-1].here == put
+    assert put.in_base_m(given[-1].path_m) == pytest.approx(AHEAD_M)
+    assert record.corrected(place(38)._replace(turn=1j)) is record
 
 
 def test_after_a_gap_the_source_begins_anew():

@@ -25,6 +25,7 @@ from wallride.runtime.arbitration.command import DriveCommand, Source, SpeedLimi
 from wallride.runtime.arbitration.promise import Promise
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.own_laws.guard import CappedAssessment
+from wallride.runtime.control.perception.motion.scan_matching import ScanPose
 from wallride.runtime.control.recovery.recovering_follower import RecoveringFollower
 from wallride.runtime.control.recovery.way_out import RecoveryAdvice
 from wallride.runtime.control.safety import promise_judgement, promise_record, promised_way
@@ -171,8 +172,19 @@ def test_paths_that_alternate_are_no_promise():
     car = Promising()
     for number in range(8):
         car.drive(OPEN, 3.0 * (number % 2))
-        assert not car.record.trusts(car.record.here) or number == 0
+        assert not car.record.trusts(car.guard.assessment.percept.motion.here) or number == 0
     assert car.record.reason == promise_record.TAKEN_BACK
+
+
+def test_a_place_that_a_scan_corrects_takes_no_promise_back():
+    car = Promising(scans=1, ends_m=3.0)
+    matched = car.guard.perception.matched
+    at_m, yaw_rad = matched._here.pose
+    matched._here, matched._key = matched._here.at(ScanPose(at_m + 0.1j, yaw_rad + 0.2)), None
+    for number in range(4):
+        car.drive(OPEN, 3.0 - number * PERIOD_S * SPEED_MPS)
+        assert not car.record.reason
+        assert len(car.record.given) > 1
 
 
 def test_after_locked_wheels_the_odometry_tells_nothing_of_a_promise():

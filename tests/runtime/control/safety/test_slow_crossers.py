@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from tests.runtime.control.corridor_following.course_scenes import report
+from wallride.runtime.control.perception.motion.own_motion import MatchedOdometry
 from wallride.runtime.control.perception.obstacles.moving_obstacles import MovingObstacles
-from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.view import ViewCache
+from wallride.runtime.control.tyres import Tyres
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
 from wallride.sim.world.beams import scan
@@ -32,7 +34,8 @@ def drive(
         Round(radius_m), StandingObstacle(Pose(5.0, 0.6, 0.0)), ConstantMotion(0.0, -walking_mps, from_s, 99)
     )
     scene = ObstacleWorld(load_world(world, side="left"), (walker,))
-    movers, eyes, rng, predicted = MovingObstacles(), ViewCache(CAR), np.random.default_rng(5), []
+    movers, odometry = MovingObstacles(), MatchedOdometry(Tyres(CAR.wheelbase_m, 0.8, 4.7, 5.5))
+    eyes, rng, predicted = ViewCache(CAR), np.random.default_rng(5), []
     for step in range(scans):
         now_s = step * SCAN_S
         pose = Pose(speed_mps * now_s, 0.0, 0.0)
@@ -40,15 +43,13 @@ def drive(
         reported_mm = scan(scene, pose, Twist(speed_mps), now_s, rng, ROUGH_BEAMS)
         view = eyes.see(as_scan(reported_mm, ROUGH_BEAMS, now_s, step))
         locked = locks_at is not None and step > locks_at
-        told_s = locks_at * SCAN_S if locked else now_s
-        yaw_rad = drift_radps * told_s
-        odometry = OdometryState(
-            speed_mps * told_s * math.cos(yaw_rad / 2), speed_mps * told_s * math.sin(yaw_rad / 2), yaw_rad,
-            0.0 if locked else speed_mps, drift_radps,
-        )  # fmt: skip
-        predicted.append(movers.update(view, odometry, now_s, sliding=locked))
+        told_s, told_mps = (locks_at * SCAN_S, 0.0) if locked else (now_s, speed_mps)
+        motor = report(now_s, told_mps, speed_mps * told_s, math.atan(CAR.wheelbase_m * drift_radps / speed_mps))
+        motion = odometry.look(now_s, motor)
+        told = motion.here.odometry(told_mps)
+        predicted.append(movers.update(view, told, now_s, sure=motion.sure, sliding=locked))
         if learns:
-            movers.learn(view, odometry, sliding=locked)
+            odometry.learn(view, lost=locked)
     return predicted
 
 

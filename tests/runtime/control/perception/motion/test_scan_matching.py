@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from wallride.drivers.api import Scan
-from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.scan_matching import MatchedOdometry, ScanPose, match, surfaces_of
+from wallride.runtime.control.perception.motion.scan_matching import ScanPose, match, surfaces_of
 from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import CarSettings
 
@@ -71,23 +70,6 @@ def test_a_scene_that_does_not_fit_or_is_not_seen_corrects_nothing():
     assert match(room((0, 0, 0)), surfaces_of(nothing), ScanPose()) is None
 
 
-def learnt(drift_radps, scans=40, speed_mps=1.0, **walls):
-    """Return the matched odometry after a drive straight on whose odometry turns by mistake."""
-    matched = MatchedOdometry()
-    for step in range(scans):
-        now_s = 0.025 * step
-        view = room((speed_mps * now_s, 0.0, 0.0), seed=step, **walls)
-        odometry = OdometryState(speed_mps * now_s, 0.0, drift_radps * now_s, speed_mps, drift_radps)
-        object.__setattr__(view.scan, "stamp_s", now_s)
-        matched.learn(view, odometry)
-    return matched, odometry
-
-
-def test_noise_on_the_walls_of_a_corridor_moves_nothing_along_it():
-    matched, odometry = learnt(0.0, speed_mps=3.0, ends_m=(-60.0, 60.0), noise_m=0.02)
-    assert matched.pose(odometry).at_m.real == pytest.approx(odometry.x_m, abs=0.05)
-
-
 def test_a_round_room_shows_no_heading():
     """All ranges are alike: the car may have turned by any angle."""
     ranges_m = np.full(1081, 3.0, np.float32)
@@ -112,19 +94,3 @@ def test_a_scene_that_fits_by_a_third_is_another_one():
     before = surfaces_of(room((0, 0, 0)))
     assert match(half_open(500, 620), before, ScanPose()) is not None
     assert match(half_open(150, 800), before, ScanPose()) is None
-
-
-def test_an_odometry_that_turns_by_mistake_is_put_right_over_many_scans():
-    matched, odometry = learnt(0.4)
-    assert matched.sure
-    assert abs(matched.pose(odometry).yaw_rad) < 0.01
-    assert abs(matched.pose(odometry).at_m.imag) < 0.03
-
-
-def test_after_a_gap_it_begins_anew_from_the_odometry():
-    matched, odometry = learnt(0.4)
-    matched.forget()
-    assert not matched.sure
-    later = OdometryState(odometry.x_m + 1.0, odometry.y_m, odometry.yaw_rad)
-    moved = matched.pose(later).at_m - matched.pose(odometry).at_m
-    assert abs(moved) == pytest.approx(1.0, abs=1e-9)

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from wallride.runtime.control.line_following.line_law import TURN_LAG_S, Moving
-from wallride.runtime.control.line_following.trim import MOST_RAD, SteeringTrim
-from wallride.runtime.control.line_following.tyres import Tyres
+from wallride.runtime.control.perception.motion.trim import MOST_RAD, SteeringTrim
+from wallride.runtime.control.tyres import TURN_LAG_S, Moving, Tyres
 
 TYRES = Tyres(0.33, 0.8, 4.7, 5.5)
 STEP_S = 0.025

@@ -6,8 +6,7 @@ It is compared with the steering as the turn follows it: on a course that goes o
 import math
 from typing import Final
 
-from wallride.runtime.control.line_following.line_law import TURN_LAG_S, Moving
-from wallride.runtime.control.line_following.tyres import Tyres
+from wallride.runtime.control.tyres import TURN_LAG_S, Moving, Tyres
 
 LEAST_MPS: Final = 0.5
 MOST_MPS2: Final = 1.5

@@ -1,8 +1,8 @@
-"""Odometry corrected by scan matching: the motion of the last second, accurate enough to see slow things move.
+"""Scan matching: the motion of the last second, accurate enough to see slow things move.
 
 The wheels tell the distance well and the heading badly: the servo lags, has a trim, and tyres slip. An error of 0.3
-rad/s moves a table leg 4 m away by more than a person walks. So each scan is compared with one taken up to KEYFRAME_S
-before (point-to-line ICP with projective association: Chen & Medioni 1991, Blais & Levine 1995), beginning at the
+rad/s moves a table leg 4 m away by more than a person walks. So each scan is compared with one taken a moment before
+(point-to-line ICP with projective association: Chen & Medioni 1991, Blais & Levine 1995), beginning at the
 motion by odometry, which also decides where the scene does not: along a bare corridor.
 """
 
@@ -15,12 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from wallride.runtime.control.perception.geometry import Booleans, Floats, Places
-from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.view import View
 
-KEYFRAME_S = 0.5
-KEYFRAME_M, KEYFRAME_RAD = 0.6, 0.4
-"""Maximum age, distance and turn of the scan that the others are compared with."""
 POINTS = 180
 """Approximate number of points that are compared, of any lidar."""
 MIN_RANGE_M, MAX_RANGE_M = 0.3, 12.0
@@ -66,45 +62,6 @@ class Surfaces:
     points_m: Places
     normals: Places
     flat: Booleans
-
-
-class MatchedOdometry:
-    """ScanPose by odometry, corrected by every scan that `learn` has processed.
-
-    sure: whether the scene determines the shift to the side and the turn, so that lateral motions of half the usual
-    size can be told from errors of the odometry.
-    """
-
-    def __init__(self) -> None:
-        self.sure = False
-        self._odometry = ScanPose()
-        self._matched = ScanPose()
-        self._key: tuple[Surfaces, ScanPose, float] | None = None
-
-    def pose(self, odometry: OdometryState) -> ScanPose:
-        """Return the pose at this odometry: the last matched one, and the odometry's motion since."""
-        now = ScanPose(complex(odometry.x_m, odometry.y_m), odometry.yaw_rad)
-        return self._matched.placed(now.seen_from(self._odometry))
-
-    def learn(self, view: View, odometry: OdometryState) -> None:
-        """Compare a scan with an earlier one. 0.2 to 0.4 ms; call it after the answer to the scan."""
-        guess, stamp_s = self.pose(odometry), view.scan.stamp_s
-        self._odometry = ScanPose(complex(odometry.x_m, odometry.y_m), odometry.yaw_rad)
-        self._matched, self.sure = guess, False
-        if self._key is not None and self._key[0].flat.size == view.ranges_m.size:
-            surfaces, key_pose, key_s = self._key
-            found = match(view, surfaces, guess.seen_from(key_pose))
-            if found is not None:
-                self._matched, self.sure = key_pose.placed(found[0]), found[1]
-            moved = self._matched.seen_from(key_pose)
-            near = abs(moved.at_m) < KEYFRAME_M and abs(moved.yaw_rad) < KEYFRAME_RAD
-            if near and 0.0 <= stamp_s - key_s < KEYFRAME_S:
-                return
-        self._key = surfaces_of(view), self._matched, stamp_s
-
-    def forget(self) -> None:
-        """Forget the earlier scan: for gaps, in which it goes out of sight."""
-        self._key, self.sure = None, False
 
 
 def surfaces_of(view: View) -> Surfaces:

@@ -1,5 +1,6 @@
 """How far the axles slip aside in a bend, and what a steering angle turns the car by: one saturating tyre an axle."""
 
+import cmath
 import math
 from dataclasses import replace
 from typing import Final
@@ -19,6 +20,9 @@ MOST_OTHER: Final = 1.7
 """Largest ratio of the observed stiffness of tyres and the assumed one, either way."""
 SLIPPERY: Final = 1.3
 """Ratio of the observed slip and the assumed one from which the floor has less grip: noise and tyres explain less."""
+
+TURN_LAG_S: Final = 0.1
+"""Time in which the turn follows the wheels: servo, tyres and inertia."""
 
 
 @value()
@@ -80,6 +84,29 @@ class Tyres:
         """Return the turn that the wheels ask for. turning_radps: the present one, which tells how far they slip."""
         rolls_rad = steering_rad - self.understeer_rad(speed_mps * turning_radps)
         return speed_mps * math.tan(min(max(rolls_rad, -1.0), 1.0)) / self.wheelbase_m
+
+
+@value()
+class Moving:
+    """A car that drives. place_m: rear axle, x + iy. trim_rad: angle of the wheels that are told to be straight."""
+
+    place_m: complex
+    yaw_rad: float
+    speed_mps: float
+    turn_radps: float
+    trim_rad: float = 0.0
+
+    def later(self, in_s: float, steering_rad: float, tyres: Tyres) -> "Moving":
+        """Return the car after a time. steering_rad: the angle that the wheels were told last."""
+        asked_radps = tyres.turn_radps(steering_rad + self.trim_rad, self.speed_mps, self.turn_radps)
+        change_radps = (1.0 - math.exp(-in_s / TURN_LAG_S)) * (asked_radps - self.turn_radps)
+        turned_rad = (self.turn_radps + 0.5 * change_radps) * in_s
+        slip_rad = tyres.rear_slip_rad(self.speed_mps * self.turn_radps)
+        way = cmath.exp(1j * (self.yaw_rad + 0.5 * turned_rad - slip_rad))
+        return Moving(
+            self.place_m + self.speed_mps * in_s * way, self.yaw_rad + turned_rad, self.speed_mps,
+            self.turn_radps + change_radps, self.trim_rad,
+        )  # fmt: skip
 
 
 def slip_rad(lateral_mps2: float, cornering_per_rad: float, mu: float) -> float:

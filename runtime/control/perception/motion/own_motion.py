@@ -1,0 +1,139 @@
+"""The car's own motion from scan to scan: by wheels and steering with tyres, corrected by the scans themselves.
+
+Steering alone is not enough: a trim of 0.02 rad turns the car by 0.06 rad in a metre, and what is left of a bend's slip
+as much. Each scan's place is predicted from the last one, which its own scan has corrected by then.
+"""
+
+import cmath
+import math
+from typing import Final, NamedTuple
+
+from wallride.drivers.api import MotorState
+from wallride.runtime.control.perception.geometry import Places
+from wallride.runtime.control.perception.motion.scan_matching import ScanPose, Surfaces, match, surfaces_of
+from wallride.runtime.control.perception.motion.trim import SteeringTrim
+from wallride.runtime.control.perception.odometry import OdometryState
+from wallride.runtime.control.perception.view import View
+from wallride.runtime.control.tyres import Moving, Tyres
+
+KEYFRAME_S: Final = 0.5
+KEYFRAME_M, KEYFRAME_RAD = 0.6, 0.4
+"""Maximum age, distance and turn of the scan that the others are compared with."""
+CARRIED_S: Final = 0.15
+"""Longest time for which a report is carried on to a scan."""
+
+
+class DrivenPlace(NamedTuple):
+    """The car at a scan, in a frame of the odometry's own.
+
+    turn: its heading as a direction. turn_radps: its yaw rate. way_m: that its wheels have rolled.
+    """
+
+    stamp_s: float
+    at_m: complex
+    turn: complex
+    turn_radps: float
+    way_m: float
+
+    def in_frame_m(self, places_m: Places) -> Places:
+        """Return places (n,) of base_link in the frame."""
+        return self.at_m + places_m * self.turn
+
+    def in_base_m(self, places_m: Places) -> Places:
+        """Return places (n,) of the frame in base_link."""
+        return (places_m - self.at_m) * self.turn.conjugate()
+
+    @property
+    def pose(self) -> ScanPose:
+        """Return the place without its motion."""
+        return ScanPose(self.at_m, cmath.phase(self.turn))
+
+    def at(self, pose: ScanPose) -> "DrivenPlace":
+        """Return the same motion at another pose."""
+        return self._replace(at_m=pose.at_m, turn=cmath.rect(1.0, pose.yaw_rad))
+
+    def odometry(self, speed_mps: float) -> OdometryState:
+        """Return it as an odometry tells it."""
+        at_m, yaw_rad = self.pose
+        return OdometryState(at_m.real, at_m.imag, yaw_rad, speed_mps, self.turn_radps)
+
+
+class OwnMotion(NamedTuple):
+    """here: the car at this scan, by the wheels from `before`, its place at the last scan, which that has corrected.
+
+    sure: whether the last scan told its shift to the side and its turn, so that lateral motions of half the usual size
+    can be told from errors of the odometry. trim_rad: the learnt true angle of wheels that are told to be straight.
+    """
+
+    here: DrivenPlace
+    before: DrivenPlace
+    sure: bool
+    trim_rad: float
+
+
+class MatchedOdometry:
+    """Call `look` for every scan, and `learn` after its answer: that takes 0.2 to 0.4 ms. tyres: as assumed."""
+
+    def __init__(self, tyres: Tyres) -> None:
+        self.tyres = tyres
+        self._here = DrivenPlace(-math.inf, 0j, 1 + 0j, 0.0, 0.0)
+        self._since_s = 0.0
+        self._speed_mps, self._told_rad = 0.0, math.nan
+        self._trim = SteeringTrim()
+        self._sure = False
+        self._key: tuple[Surfaces, ScanPose, float] | None = None
+
+    def look(self, stamp_s: float, motor: MotorState | None) -> OwnMotion:
+        """Return the motion to this scan."""
+        if motor is not None and not math.isfinite(motor.distance_m + motor.speed_mps + motor.steering_rad):
+            motor = None
+        before, told_rad = self._here, self._told_rad
+        self._since_s = stamp_s - before.stamp_s
+        self._speed_mps, self._told_rad, way_m, turn_radps = 0.0, math.nan, before.way_m, 0.0
+        if motor is not None:
+            self._speed_mps, self._told_rad = motor.speed_mps, motor.steering_rad
+            way_m = motor.distance_m + motor.speed_mps * min(max(stamp_s - motor.stamp_s, 0.0), CARRIED_S)
+            turn_radps = self.tyres.turn_radps(motor.steering_rad, motor.speed_mps, 0.0)
+        if motor is None or math.isnan(told_rad) or self._since_s <= 0.0:
+            self._here = before._replace(stamp_s=stamp_s, turn_radps=turn_radps, way_m=way_m)
+        else:
+            self._here = self._moved(stamp_s, way_m, told_rad)
+        return OwnMotion(self._here, before, self._sure, self._trim.rad)
+
+    def _moved(self, stamp_s: float, way_m: float, told_rad: float) -> DrivenPlace:
+        """Return the place at a later scan. told_rad: angle that the wheels were told at the last one."""
+        last = self._here
+        speed_mps = (way_m - last.way_m) / self._since_s
+        moving = Moving(last.at_m, cmath.phase(last.turn), speed_mps, last.turn_radps, self._trim.rad)
+        then = moving.later(self._since_s, told_rad, self.tyres)
+        turn = cmath.rect(1.0, then.yaw_rad)
+        return DrivenPlace(stamp_s, then.place_m, turn, then.turn_radps, way_m)
+
+    def learn(self, view: View, *, lost: bool = False) -> None:
+        """Correct the place by comparing its scan with an earlier one, and learn the trim.
+
+        lost: the wheels are locked, so that the odometry stands, and nothing is compared with earlier scans.
+        """
+        here, self._sure = self._here, False
+        lost = lost or math.isnan(self._told_rad)
+        if lost:
+            self._key = None
+        elif self._key is not None and self._key[0].flat.size == view.ranges_m.size:
+            surfaces, key_pose, _ = self._key
+            found = match(view, surfaces, here.pose.seen_from(key_pose))
+            if found is not None:
+                self._here, self._sure = here.at(key_pose.placed(found[0])), found[1]
+        if not lost:
+            now = Moving(0j, self._here.pose.yaw_rad, self._speed_mps, here.turn_radps, self._trim.rad)
+            self._trim.learn(now, self._told_rad, self._since_s if self._sure else 0.0, self.tyres)
+            if not self._compares_with_key():
+                self._key = surfaces_of(view), self._here.pose, here.stamp_s
+
+    def _compares_with_key(self) -> bool:
+        """Return whether the next scan is compared with the earlier one, too."""
+        if self._key is None:
+            return False
+        _, key_pose, key_s = self._key
+        moved = self._here.pose.seen_from(key_pose)
+        near = abs(moved.at_m) < KEYFRAME_M and abs(math.remainder(moved.yaw_rad, math.tau)) < KEYFRAME_RAD
+        return near and 0.0 <= self._here.stamp_s - key_s < KEYFRAME_S
