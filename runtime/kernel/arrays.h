@@ -111,6 +111,7 @@ KERNEL(sweep_path);
 KERNEL(slide_room_m);
 KERNEL(mean_nearness);
 KERNEL(free_beside_m);
+KERNEL(match_scan);
 KERNEL(over);
 KERNEL(set_constant);
 KERNEL(cast_cells);

@@ -12,6 +12,9 @@ struct wall_line {
 
 enum found { FAILED = -1, NONE, FOUND };
 
+/* scan_on_lines.c. Solves m x = -y, m (3, 3); 0 with ValueError for a singular one. */
+int solve_three(const double *m, const double *y, double *x);
+
 /* wall_fit.c. expected: distance and heading, NaN where no line is expected. */
 enum found find_line(const struct row *x, const struct row *y, const struct row *range, const struct row *usable,
                      const struct row *beams, const struct row *rear, const struct row *front, const double *expected,

@@ -2,6 +2,7 @@
 
 #include "arrays.h"
 #include "constants.h"
+#include "steps.h"
 
 /* Lines of walls by cell, as LineField. */
 struct field {
@@ -112,8 +113,8 @@ static struct pull pull_of(const struct laid *laid, beam many) {
     return told;
 }
 
-/* Solve m x = -y, m (3, 3) by Cramer's rule. */
-static int solved(const double *m, const double *y, double *x) {
+/* By Cramer's rule. */
+int solve_three(const double *m, const double *y, double *x) {
     double c0 = m[4] * m[8] - m[5] * m[7], c1 = m[5] * m[6] - m[3] * m[8], c2 = m[3] * m[7] - m[4] * m[6];
     double whole = m[0] * c0 + m[1] * c1 + m[2] * c2;
     x[0] = -(c0 * y[0] + (m[2] * m[7] - m[1] * m[8]) * y[1] + (m[1] * m[5] - m[2] * m[4]) * y[2]) / whole;
@@ -138,7 +139,7 @@ static int stepped(const struct field *field, const struct row *ends, const stru
                 toward[i] += prior[3 * i + j] * moved[j];
             }
         }
-        if (!solved(sum, toward, move))
+        if (!solve_three(sum, toward, move))
             return 0;
         for (int i = 0; i < 3; i++)
             at[i] = pose[i] + (moved[i] += move[i]);

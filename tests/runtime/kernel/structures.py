@@ -8,6 +8,7 @@ import numpy as np
 
 from wallride.runtime.control.localization.line_field import LineField
 from wallride.runtime.control.localization.scan_points import ScanPoints
+from wallride.runtime.control.perception.motion.scan_matching import ScanPose, Surfaces
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.window_dirt import Evidence, LearningShares
 from wallride.runtime.control.safety.footprint import AxlePath, Outline
@@ -25,6 +26,14 @@ def _laying(ends_m, ahead, alone, near, far, normals, offsets_m, free, *numbers)
     corner_m = complex(corner_x_m, corner_y_m)
     field = LineField(corner_m, cell_m, rows, columns, near, far, normals, offsets_m, free)
     return field, points, tuple(pose), np.reshape(before, (3, 3)), np.reshape(prior, (3, 3))
+
+
+def _matched(x_m, y_m, ranges_m, solid, *numbers):
+    lidar_x_m, lidar_y_m, first_rad, step_rad, points_m, normals, flat, at_x_m, at_y_m, yaw_rad = numbers
+    scan = SimpleNamespace(angle_min_rad=first_rad, angle_step_rad=step_rad)
+    lidar_m = complex(lidar_x_m, lidar_y_m)
+    view = SimpleNamespace(scan=scan, x_m=x_m, y_m=y_m, ranges_m=ranges_m, solid=solid, lidar_m=lidar_m)
+    return view, Surfaces(points_m, normals, flat), ScanPose(complex(at_x_m, at_y_m), yaw_rad)
 
 
 def _lines(beams, rear, front):
@@ -125,6 +134,7 @@ def _rollouts(points_m, steering_rad, brake_mps2, grip_mps2, past_rad, coming_ra
 STRUCTURES: dict[str, Callable[..., Any]] = {
     "fit_wall_line": _fit,
     "lay_on_lines": _laying,
+    "match_scan": _matched,
     "find_followed_wall": _wall,
     "roll_ball": _ball,
     "drive_along_ball": _drive,

@@ -1,4 +1,4 @@
-"""Scans are laid over the lines of a map alike, at any pose, near the truth and far from it."""
+"""Scans are laid over the lines of a map, and over earlier scans, alike: near the truth and far from it."""
 
 import math
 
@@ -8,11 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.runtime.control.localization.rooms import LIDAR_M, corridor, ring
+from tests.runtime.control.perception.motion.test_scan_matching import room as in_a_room
 from tests.runtime.kernel.sameness import PYTHON, assert_same
 from wallride.drivers.accelerated import FUNCTIONS
 from wallride.runtime.control.localization.line_field import field_of_cells
 from wallride.runtime.control.localization.pose_filter import PoseFilter
 from wallride.runtime.control.localization.scan_points import AxleMotion, scan_points
+from wallride.runtime.control.perception.motion.scan_matching import ScanPose, surfaces_of
 
 PLACES = ((9.6, 0.2, 0.4), (-0.2, 3.0, -1.5), (10.1, 5.6, 3.0))
 
@@ -98,3 +100,32 @@ def test_any_place_is_scored_alike(compiled, seed, cells, beams):
     assert_same("mean_nearness", PYTHON["mean_nearness"](*given_), compiled["mean_nearness"](*given_))
     with pytest.raises(IndexError):
         compiled["mean_nearness"](nearness[:0], *given_[1:])
+
+
+@pytest.fixture(scope="module")
+def views():
+    return [in_a_room(pose, seed=seed) for seed, pose in enumerate([(0, 0, 0), (0.3, 0.1, 0.1), (2.0, 0.3, -0.4)])]
+
+
+@settings(max_examples=150)
+@given(
+    which=st.tuples(st.integers(0, 2), st.integers(0, 2)),
+    guess=st.tuples(st.floats(-0.6, 0.6), st.floats(-0.4, 0.4), st.floats(-3.0, 3.0) | st.floats(-0.3, 0.3)),
+    every=st.sampled_from([1, 1, 3, 40, 2000]),
+)
+def test_any_scan_is_matched_alike(compiled, views, which, guess, every):
+    now, before = (views[number] for number in which)
+    given_ = FUNCTIONS["match_scan"].flat(now, surfaces_of(before), ScanPose(complex(*guess[:2]), guess[2]))
+    given_ = tuple(one[::every].copy() if isinstance(one, np.ndarray) else one for one in given_)
+    given_ = (*given_[:7], given_[7] * every, *given_[8:])
+    assert_same("match_scan", PYTHON["match_scan"](*given_), compiled["match_scan"](*given_))
+
+
+def test_a_scan_with_other_beams_or_no_numbers_is_refused_or_matches_nothing(compiled, views):
+    given_ = FUNCTIONS["match_scan"].flat(views[1], surfaces_of(views[0]), ScanPose(0.2 + 0.1j, 0.1))
+    assert compiled["match_scan"](*given_) is not None
+    for place in (0, 1, 2, 3, 8, 9, 10):
+        with pytest.raises(ValueError, match="different lengths"):
+            compiled["match_scan"](*given_[:place], given_[place][1:].copy(), *given_[place + 1 :])
+    for place in (4, 5, 6, 7, 11, 12, 13):
+        assert compiled["match_scan"](*given_[:place], math.nan, *given_[place + 1 :]) is None

@@ -72,7 +72,7 @@ class OwnMotion(NamedTuple):
 
 
 class MatchedOdometry:
-    """Call `look` for every scan, and `learn` after its answer: that takes 0.2 to 0.4 ms. tyres: as assumed."""
+    """Call `look` for every scan, and `learn` after its answer. tyres: as assumed."""
 
     def __init__(self, tyres: Tyres) -> None:
         self.tyres = tyres

@@ -9,11 +9,12 @@ motion by odometry, which also decides where the scene does not: along a bare co
 import cmath
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from wallride.drivers.accelerated import accelerated
 from wallride.runtime.control.perception.geometry import Booleans, Floats, Places
 from wallride.runtime.control.perception.view import View
 
@@ -83,6 +84,22 @@ def match(view: View, surfaces: Surfaces, guess: ScanPose) -> tuple[ScanPose, bo
 
     guess: that pose by odometry. Both scans of one sensor, (beams,).
     """
+    found = match_scan(view, surfaces, guess)
+    return None if found is None else (ScanPose(complex(found[0], found[1]), found[2]), found[3])
+
+
+def _flat_match(view: View, surfaces: Surfaces, guess: ScanPose) -> tuple[Any, ...]:
+    scan, lidar_m = view.scan, view.lidar_m
+    return (
+        view.x_m, view.y_m, view.ranges_m, view.solid, lidar_m.real, lidar_m.imag, scan.angle_min_rad,
+        scan.angle_step_rad, surfaces.points_m, surfaces.normals, surfaces.flat, guess.at_m.real, guess.at_m.imag,
+        guess.yaw_rad,
+    )  # fmt: skip
+
+
+@accelerated(flat=_flat_match)
+def match_scan(view: View, surfaces: Surfaces, guess: ScanPose) -> tuple[float, float, float, bool] | None:
+    """Return x_m, y_m and yaw_rad of `match`, and whether they are sure."""
     every = max(1, view.solid.size // POINTS)
     beams = view.solid[::every].nonzero()[0] * every
     range_m = view.ranges_m[beams]
@@ -104,7 +121,8 @@ def match(view: View, surfaces: Surfaces, guess: ScanPose) -> tuple[ScanPose, bo
     spread = np.linalg.inv(information + np.diag((1.0, 1.0, 1.0)))
     way = np.array((side.real, side.imag))
     sure = math.sqrt(way @ spread[:2, :2] @ way) < SURE_M and math.sqrt(spread[2, 2]) < SURE_RAD
-    return ScanPose(guess.at_m + complex(off[0], off[1]), guess.yaw_rad + float(off[2])), bool(sure)
+    x_m, y_m, yaw_rad = off.tolist()
+    return guess.at_m.real + x_m, guess.at_m.imag + y_m, guess.yaw_rad + yaw_rad, bool(sure)
 
 
 def _prior(yaw_rad: float) -> Floats:
