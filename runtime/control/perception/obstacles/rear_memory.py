@@ -14,6 +14,8 @@ from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.view import View
 
 NEAR_M = 1.6
+ROUNDING_RAD = 1e-9
+"""A place that the last beam of a standing car saw is at the edge of the view, within rounding: not behind it."""
 KEPT_EVERY_M = 0.1
 KEPT_EVERY_RAD = 0.15
 KEPT_VIEWS = 16
@@ -149,6 +151,6 @@ def places_behind(
     half_view_rad: of the lidar, which is at lidar_m in base_link; negative for all directions.
     """
     here_m = (places_m - complex(at_x_m, at_y_m)) * cmath.rect(1.0, -yaw_rad)
-    behind = np.abs(np.angle(here_m - lidar_m)) > half_view_rad
+    behind = np.abs(np.angle(here_m - lidar_m)) > half_view_rad + ROUNDING_RAD
     found: Places = here_m[behind & (np.abs(here_m) < NEAR_M)]
     return found

@@ -36,7 +36,8 @@ KERNEL(places_behind) {
     if (isinf(v[2]))
         return PyErr_Format(PyExc_ValueError, "math domain error");
     place turned = CMPLX(cos(-v[2]), sin(-v[2])), at = CMPLX(v[0], v[1]), *found = NULL;
-    const double lidar_x = v[3], lidar_y = v[4], half_view = v[5], cosine = half_view < M_PI ? cos(half_view) : -INFINITY;
+    const double lidar_x = v[3], lidar_y = v[4], half_view = v[5] + REAR_MEMORY_ROUNDING_RAD;
+    const double cosine = half_view < M_PI ? cos(half_view) : -INFINITY;
     beam few = 0, most_places = 0;
     for (beam i = 0; i < from.count; i++) {
         place here = times(PLACE(from, i) - at, turned);
