@@ -5,7 +5,9 @@ it. What the answer does not need is learnt when the answer is on the wire (`lea
 Nothing here judges: what a car may do with a percept is the laws' matter.
 """
 
+import functools
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -50,18 +52,18 @@ class Assumed:
 class Percept:
     """One scan as it is understood. The trackers are those of the stage: they change with its next scan.
 
-    pose: base_link in odom. motion: corrected by scans, which odom is not. speed_mps: signed, over the ground, also
-    while the wheels are locked. wheel_rad: the wheels' angle as reported. slid_s: stamp of the last scan with locked
-    wheels, or without a report. past_rad: (stamp, angle of the wheels) at the last scans, this one's last. unseen_m:
-    obstacles that the view alone does not show, (k,) in base_link: predicted places of what moves, and thin ones.
-    ceiling_mps, ceiling_reason: of the window.
+    pose: base_link in odom. told: the motion, computed when it is first asked for. speed_mps: signed, over the ground,
+    also while the wheels are locked. wheel_rad: the wheels' angle as reported. slid_s: stamp of the last scan with
+    locked wheels, or without a report. past_rad: (stamp, angle of the wheels) at the last scans, this one's last.
+    unseen_m: obstacles that the view alone does not show, (k,) in base_link: predicted places of what moves, and thin
+    ones. ceiling_mps, ceiling_reason: of the window.
     """
 
     scan: Scan
     motor: MotorState | None
     view: View
     pose: OdometryState
-    motion: OwnMotion
+    told: Callable[[], OwnMotion]
     speed_mps: float
     wheel_rad: float
     slid_s: float
@@ -72,6 +74,11 @@ class Percept:
     behind: RearMemory
     movers: MovingObstacles
     visibility: Visibility
+
+    @property
+    def motion(self) -> OwnMotion:
+        """Return the car's own motion, corrected by scans, which odom is not."""
+        return self.told()
 
 
 class Perception:
@@ -129,14 +136,13 @@ class Perception:
         lost = motor is None or self._speed.slides
         if lost:
             self._slid_s = scan.stamp_s
-        motion = self.matched.look(scan.stamp_s, motor)
-        driven = motion.here.odometry(pose.speed_mps)
-        movers_m = self.movers.update(view, driven, scan.stamp_s, sure=motion.sure, sliding=lost)
+        told = functools.cache(functools.partial(self.matched.look, scan.stamp_s, motor))
+        movers_m = self.movers.update(view, pose, scan.stamp_s, told, sliding=lost)
         thin_m = self.thin.update(view, pose, scan.stamp_s)
         unseen_m = np.concatenate([movers_m, thin_m]) if movers_m.size or thin_m.size else NOWHERE
         self._learnt = False
         self._percept = Percept(
-            scan, motor, view, pose, motion, speed_mps, wheel_rad, self._slid_s, self._past_rad, unseen_m,
+            scan, motor, view, pose, told, speed_mps, wheel_rad, self._slid_s, self._past_rad, unseen_m,
             self.health.ceiling_mps, self.health.reason, self.behind, self.movers, self.visibility,
         )  # fmt: skip
         return self._percept
@@ -188,5 +194,6 @@ class Perception:
         self.behind.keep(view, self.own_parts.doubtful)
         self.health.update(view, motor, scene_stands=self.scene_motion.stands)
         self.visibility.learn()
+        percept.told()
         self.matched.learn(view, lost=self._speed.slides)
         self.views.ignore(self.health.mask, self.own_parts.below_m)

@@ -12,7 +12,6 @@ from wallride.drivers.api import MotorState
 from wallride.runtime.control.perception.geometry import Places
 from wallride.runtime.control.perception.motion.scan_matching import ScanPose, Surfaces, match, surfaces_of
 from wallride.runtime.control.perception.motion.trim import SteeringTrim
-from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.tyres import Moving, Tyres
 
@@ -51,11 +50,6 @@ class DrivenPlace(NamedTuple):
     def at(self, pose: ScanPose) -> "DrivenPlace":
         """Return the same motion at another pose."""
         return self._replace(at_m=pose.at_m, turn=cmath.rect(1.0, pose.yaw_rad))
-
-    def odometry(self, speed_mps: float) -> OdometryState:
-        """Return it as an odometry tells it."""
-        at_m, yaw_rad = self.pose
-        return OdometryState(at_m.real, at_m.imag, yaw_rad, speed_mps, self.turn_radps)
 
 
 class OwnMotion(NamedTuple):

@@ -7,11 +7,13 @@ next moments, are added to the points that the safety sweeps.
 """
 
 import cmath
+from collections.abc import Callable
 
 import numpy as np
 
 from wallride.drivers.accelerated import accelerated
 from wallride.runtime.control.perception.geometry import NOWHERE, Booleans, Floats, Places, places_m
+from wallride.runtime.control.perception.motion.own_motion import OwnMotion
 from wallride.runtime.control.perception.obstacles.obstacle_track import (
     MAX_SPEED_MPS,
     NARROW_WIDTH_M,
@@ -74,16 +76,17 @@ class MovingObstacles:
         self._look: ScanLook | None = None
 
     def update(
-        self, view: View, pose: OdometryState, stamp_s: float, *, sure: bool = False, sliding: bool = False
-    ) -> Places:
+        self, view: View, pose: OdometryState, stamp_s: float, told: Callable[[], OwnMotion] | None = None, *,
+        sliding: bool = False,
+    ) -> Places:  # fmt: skip
         """Return the predicted places, (k,) in base_link, of moving obstacles in the next 0.9 s; k = 0 without any.
 
-        pose: by an odometry that scans correct. sure: the last one determined its shift to the side and its turn.
+        told: returns the motion as scans correct it, asked where there is a thing; without it the pose counts.
         sliding: the wheels are locked, so that the odometry stands still while everything comes nearer: velocities are
         neither updated nor forgotten, and what moved before still does.
         """
         self._turning_radps = max(abs(pose.yaw_rate_radps), TURNING_FADES * self._turning_radps)
-        self.any_moves, self._sure, self._look = False, sure, None
+        self.any_moves, self._sure, self._look = False, False, None
         slow, step_rad = view.waits_s > SLOW_S, abs(view.scan.angle_step_rad)
         bridged = _bridged(view.solid, view.ranges_m, step_rad) if slow else (view.solid, view.ranges_m)
         things = find_small_clusters(*bridged, step_rad)
@@ -92,6 +95,9 @@ class MovingObstacles:
         if len(things) > MAX_THINGS:
             things = sorted(things, key=lambda thing: float(view.ranges_m[thing[0]]))[:MAX_THINGS]
         look = ScanLook(view, complex(pose.x_m, pose.y_m), cmath.rect(1.0, pose.yaw_rad))
+        if told is not None:
+            here, _, self._sure, _ = told()
+            look = ScanLook(view, here.at_m, here.turn)
         bounds = self._bounds(abs(pose.speed_mps), slow=slow)
         fresh: list[ObstacleTrack] = []
         strips: list[Places] = []

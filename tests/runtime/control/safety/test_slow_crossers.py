@@ -8,6 +8,7 @@ import pytest
 from tests.runtime.control.corridor_following.course_scenes import report
 from wallride.runtime.control.perception.motion.own_motion import MatchedOdometry
 from wallride.runtime.control.perception.obstacles.moving_obstacles import MovingObstacles
+from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.tyres import Tyres
 from wallride.runtime.control.vehicle import CarSettings
@@ -46,8 +47,8 @@ def drive(
         told_s, told_mps = (locks_at * SCAN_S, 0.0) if locked else (now_s, speed_mps)
         motor = report(now_s, told_mps, speed_mps * told_s, math.atan(CAR.wheelbase_m * drift_radps / speed_mps))
         motion = odometry.look(now_s, motor)
-        told = motion.here.odometry(told_mps)
-        predicted.append(movers.update(view, told, now_s, sure=motion.sure, sliding=locked))
+        wheels = OdometryState(speed_mps=told_mps, yaw_rate_radps=0.0 if locked else drift_radps)
+        predicted.append(movers.update(view, wheels, now_s, lambda motion=motion: motion, sliding=locked))
         if learns:
             odometry.learn(view, lost=locked)
     return predicted
