@@ -17,6 +17,7 @@ from wallride.runtime.control.perception.geometry import NOWHERE, Places
 from wallride.runtime.control.perception.lidar_health import LidarHealth
 from wallride.runtime.control.perception.lidar_health_settings import LidarHealthSettings
 from wallride.runtime.control.perception.motion.own_motion import MatchedOdometry, OwnMotion
+from wallride.runtime.control.perception.motion.scan_matching import ScanPose
 from wallride.runtime.control.perception.obstacles.moving_obstacles import MovingObstacles
 from wallride.runtime.control.perception.obstacles.rear_memory import RearMemory
 from wallride.runtime.control.perception.obstacles.thin_obstacles import ThinObstacles
@@ -102,6 +103,7 @@ class Perception:
         self._speed = SlidingSpeed(GRAVITY_MPS2, assumed.slippery_mps2)
         self._slid_s = -math.inf
         self._past_rad: tuple[tuple[float, float], ...] = ()
+        self._before = self.odometry.pose
         self._last_m: float | None = None
         self._percept: Percept | None = None
         self._learnt = True
@@ -125,6 +127,7 @@ class Perception:
         if not self.own_parts.have_met(scan):
             view = self._look_anew(view)
         speed_mps, wheel_rad, step_m = self._read(motor, scan.stamp_s)
+        self._before = self.odometry.pose
         pose = self.odometry.update(motor)
         self.behind.move(pose, step_m)
         self.health.glance(view)
@@ -191,9 +194,15 @@ class Perception:
         view, motor, pose = percept.view, percept.motor, percept.pose
         self.scene_motion.update(view, pose)
         self.own_parts.update(view, pose, moved=False if self._speed.slides else self.scene_motion.moved)
+        percept.told()
+        self.matched.learn(view, lost=self._speed.slides)
+        if self.matched.slid is not None:
+            self.behind.slide(_pose_of(self._before).placed(self.matched.slid).seen_from(_pose_of(pose)))
         self.behind.keep(view, self.own_parts.doubtful)
         self.health.update(view, motor, scene_stands=self.scene_motion.stands)
         self.visibility.learn()
-        percept.told()
-        self.matched.learn(view, lost=self._speed.slides)
         self.views.ignore(self.health.mask, self.own_parts.below_m)
+
+
+def _pose_of(odometry: OdometryState) -> ScanPose:
+    return ScanPose(complex(odometry.x_m, odometry.y_m), odometry.yaw_rad)

@@ -29,11 +29,11 @@ def _laying(ends_m, ahead, alone, near, far, normals, offsets_m, free, *numbers)
 
 
 def _matched(x_m, y_m, ranges_m, solid, *numbers):
-    lidar_x_m, lidar_y_m, first_rad, step_rad, points_m, normals, flat, at_x_m, at_y_m, yaw_rad = numbers
+    lidar_x_m, lidar_y_m, first_rad, step_rad, points_m, normals, flat, at_x_m, at_y_m, yaw_rad, *drift = numbers
     scan = SimpleNamespace(angle_min_rad=first_rad, angle_step_rad=step_rad)
     lidar_m = complex(lidar_x_m, lidar_y_m)
     view = SimpleNamespace(scan=scan, x_m=x_m, y_m=y_m, ranges_m=ranges_m, solid=solid, lidar_m=lidar_m)
-    return view, Surfaces(points_m, normals, flat), ScanPose(complex(at_x_m, at_y_m), yaw_rad)
+    return view, Surfaces(points_m, normals, flat), ScanPose(complex(at_x_m, at_y_m), yaw_rad), tuple(drift)
 
 
 def _lines(beams, rear, front):

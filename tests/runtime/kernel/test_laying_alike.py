@@ -14,7 +14,7 @@ from wallride.drivers.accelerated import FUNCTIONS
 from wallride.runtime.control.localization.line_field import field_of_cells
 from wallride.runtime.control.localization.pose_filter import PoseFilter
 from wallride.runtime.control.localization.scan_points import AxleMotion, scan_points
-from wallride.runtime.control.perception.motion.scan_matching import ScanPose, surfaces_of
+from wallride.runtime.control.perception.motion.scan_matching import DRIFT, SLIDE, ScanPose, surfaces_of
 
 PLACES = ((9.6, 0.2, 0.4), (-0.2, 3.0, -1.5), (10.1, 5.6, 3.0))
 
@@ -115,14 +115,15 @@ def views():
 )
 def test_any_scan_is_matched_alike(compiled, views, which, guess, every):
     now, before = (views[number] for number in which)
-    given_ = FUNCTIONS["match_scan"].flat(now, surfaces_of(before), ScanPose(complex(*guess[:2]), guess[2]))
+    pose, drift = ScanPose(complex(*guess[:2]), guess[2]), SLIDE if every == 1 else DRIFT
+    given_ = FUNCTIONS["match_scan"].flat(now, surfaces_of(before), pose, drift)
     given_ = tuple(one[::every].copy() if isinstance(one, np.ndarray) else one for one in given_)
     given_ = (*given_[:7], given_[7] * every, *given_[8:])
     assert_same("match_scan", PYTHON["match_scan"](*given_), compiled["match_scan"](*given_))
 
 
 def test_a_scan_with_other_beams_or_no_numbers_is_refused_or_matches_nothing(compiled, views):
-    given_ = FUNCTIONS["match_scan"].flat(views[1], surfaces_of(views[0]), ScanPose(0.2 + 0.1j, 0.1))
+    given_ = FUNCTIONS["match_scan"].flat(views[1], surfaces_of(views[0]), ScanPose(0.2 + 0.1j, 0.1), DRIFT)
     assert compiled["match_scan"](*given_) is not None
     for place in (0, 1, 2, 3, 8, 9, 10):
         with pytest.raises(ValueError, match="different lengths"):

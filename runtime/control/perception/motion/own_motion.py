@@ -10,14 +10,16 @@ from typing import Final, NamedTuple
 
 from wallride.drivers.api import MotorState
 from wallride.runtime.control.perception.geometry import Places
-from wallride.runtime.control.perception.motion.scan_matching import ScanPose, Surfaces, match, surfaces_of
+from wallride.runtime.control.perception.motion.scan_matching import SLIDE, ScanPose, Surfaces, match, surfaces_of
 from wallride.runtime.control.perception.motion.trim import SteeringTrim
 from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.tyres import Moving, Tyres
+from wallride.runtime.control.vehicle import GRAVITY_MPS2
 
 KEYFRAME_S: Final = 0.5
 KEYFRAME_M, KEYFRAME_RAD = 0.6, 0.4
-"""Maximum age, distance and turn of the scan that the others are compared with."""
+SLIDE_KEYFRAME_M, SLIDE_KEYFRAME_RAD = 0.3, 0.2
+"""Maximum age, distance and turn of the scan that the others are compared with, and those of a car that slides."""
 CARRIED_S: Final = 0.15
 """Longest time for which a report is carried on to a scan."""
 
@@ -66,12 +68,17 @@ class OwnMotion(NamedTuple):
 
 
 class MatchedOdometry:
-    """Call `look` for every scan, and `learn` after its answer. tyres: as assumed."""
+    """Call `look` for every scan, and `learn` after its answer. tyres: as assumed.
+
+    slid: the way from the last scan to this one as the scans tell it, where the wheels are locked; else None.
+    """
 
     def __init__(self, tyres: Tyres) -> None:
         self.tyres = tyres
-        self._here = DrivenPlace(-math.inf, 0j, 1 + 0j, 0.0, 0.0)
+        self.slid: ScanPose | None = None
+        self._here = self._before = DrivenPlace(-math.inf, 0j, 1 + 0j, 0.0, 0.0)
         self._since_s = 0.0
+        self._per_s: ScanPose | None = None
         self._speed_mps, self._told_rad = 0.0, math.nan
         self._trim = SteeringTrim()
         self._sure = False
@@ -81,7 +88,8 @@ class MatchedOdometry:
         """Return the motion to this scan."""
         if motor is not None and not math.isfinite(motor.distance_m + motor.speed_mps + motor.steering_rad):
             motor = None
-        before, told_rad = self._here, self._told_rad
+        self._before, told_rad = self._here, self._told_rad
+        before = self._before
         self._since_s = stamp_s - before.stamp_s
         self._speed_mps, self._told_rad, way_m, turn_radps = 0.0, math.nan, before.way_m, 0.0
         if motor is not None:
@@ -106,12 +114,12 @@ class MatchedOdometry:
     def learn(self, view: View, *, lost: bool = False) -> None:
         """Correct the place by comparing its scan with an earlier one, and learn the trim.
 
-        lost: the wheels are locked, so that the odometry stands, and nothing is compared with earlier scans.
+        lost: the wheels are locked, so that the odometry stands.
         """
-        here, self._sure = self._here, False
+        here, self._sure, self.slid = self._here, False, None
         lost = lost or math.isnan(self._told_rad)
         if lost:
-            self._key = None
+            self._slide(view)
         elif self._key is not None and self._key[0].flat.size == view.ranges_m.size:
             surfaces, key_pose, _ = self._key
             found = match(view, surfaces, here.pose.seen_from(key_pose))
@@ -122,12 +130,37 @@ class MatchedOdometry:
             self._trim.learn(now, self._told_rad, self._since_s if self._sure else 0.0, self.tyres)
             if not self._compares_with_key():
                 self._key = surfaces_of(view), self._here.pose, here.stamp_s
+        self._note_speed()
 
-    def _compares_with_key(self) -> bool:
+    def _slide(self, view: View) -> None:
+        """Follow a car whose wheels tell nothing: the floor slows it, and the scans tell where it is."""
+        key, before = self._key, self._before.pose
+        if key is not None and self._per_s is not None and key[0].flat.size == view.ranges_m.size:
+            slower_mps = self.tyres.mu * GRAVITY_MPS2 * self._since_s
+            share = self._since_s * max(0.0, 1.0 - slower_mps / max(abs(self._per_s.at_m), 1e-6))
+            went = ScanPose(share * self._per_s.at_m, share * self._per_s.yaw_rad)
+            found = match(view, key[0], before.placed(went).seen_from(key[1]), SLIDE)
+            if found is not None:
+                self._here = self._here.at(key[1].placed(found[0]))
+                self.slid = self._here.pose.seen_from(before)
+        if self.slid is None or not self._compares_with_key(SLIDE_KEYFRAME_M, SLIDE_KEYFRAME_RAD):
+            self._key = surfaces_of(view), self._here.pose, self._here.stamp_s
+
+    def _note_speed(self) -> None:
+        """Note how the car goes; None after a gap, and after a slide that the scans have not told."""
+        known = self.slid is not None or not math.isnan(self._told_rad)
+        if not (known and 0.0 < self._since_s <= CARRIED_S):
+            self._per_s = None
+            return
+        step = self._here.pose.seen_from(self._before.pose)
+        turn_rad = math.remainder(step.yaw_rad, math.tau)
+        self._per_s = ScanPose(step.at_m / self._since_s, turn_rad / self._since_s)
+
+    def _compares_with_key(self, most_m: float = KEYFRAME_M, most_rad: float = KEYFRAME_RAD) -> bool:
         """Return whether the next scan is compared with the earlier one, too."""
         if self._key is None:
             return False
         _, key_pose, key_s = self._key
         moved = self._here.pose.seen_from(key_pose)
-        near = abs(moved.at_m) < KEYFRAME_M and abs(math.remainder(moved.yaw_rad, math.tau)) < KEYFRAME_RAD
+        near = abs(moved.at_m) < most_m and abs(math.remainder(moved.yaw_rad, math.tau)) < most_rad
         return near and 0.0 <= self._here.stamp_s - key_s < KEYFRAME_S

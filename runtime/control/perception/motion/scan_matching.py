@@ -9,7 +9,7 @@ motion by odometry, which also decides where the scene does not: along a bare co
 import cmath
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -32,9 +32,10 @@ GATES_M = (0.25, 0.12, 0.06)
 """Maximum distance of a point from its line, for each iteration: people and revealed surfaces are left out."""
 ALONG_M = 0.3
 NOISE_M = 0.03
-DRIFT_AHEAD_M, DRIFT_ASIDE_M, DRIFT_RAD = 0.003, 0.02, 0.03
-"""Standard deviations of the noise of a range with its surface, and of the odometry over one scan: the wheels slip less
-along the car than across it."""
+DRIFT: Final = (0.003, 0.02, 0.03)
+SLIDE: Final = (0.1, 0.1, 0.1)
+"""Standard deviations of the noise of a range with its surface, and of the guess over one scan, ahead and aside [m] and
+in heading [rad]: by rolling wheels, which slip less along the car than across it, and of a car that slides on."""
 ENOUGH_POINTS, ENOUGH_SHARE = 40, 0.6
 """Minimum number of points that fit, and their minimum share of those that have a line."""
 SURE_M, SURE_RAD = 0.012, 0.004
@@ -79,26 +80,30 @@ def surfaces_of(view: View) -> Surfaces:
     return Surfaces(points, normals, flat)
 
 
-def match(view: View, surfaces: Surfaces, guess: ScanPose) -> tuple[ScanPose, bool] | None:
+def match(
+    view: View, surfaces: Surfaces, guess: ScanPose, drift: tuple[float, float, float] = DRIFT
+) -> tuple[ScanPose, bool] | None:
     """Return the pose of a scan relative to that of the surfaces, and whether it is sure; None where they do not fit.
 
-    guess: that pose by odometry. Both scans of one sensor, (beams,).
+    guess: that pose by odometry. drift: its standard deviations. Both scans of one sensor, (beams,).
     """
-    found = match_scan(view, surfaces, guess)
+    found = match_scan(view, surfaces, guess, drift)
     return None if found is None else (ScanPose(complex(found[0], found[1]), found[2]), found[3])
 
 
-def _flat_match(view: View, surfaces: Surfaces, guess: ScanPose) -> tuple[Any, ...]:
+def _flat_match(view: View, surfaces: Surfaces, guess: ScanPose, drift: tuple[float, float, float]) -> tuple[Any, ...]:
     scan, lidar_m = view.scan, view.lidar_m
     return (
         view.x_m, view.y_m, view.ranges_m, view.solid, lidar_m.real, lidar_m.imag, scan.angle_min_rad,
         scan.angle_step_rad, surfaces.points_m, surfaces.normals, surfaces.flat, guess.at_m.real, guess.at_m.imag,
-        guess.yaw_rad,
+        guess.yaw_rad, *drift,
     )  # fmt: skip
 
 
 @accelerated(flat=_flat_match)
-def match_scan(view: View, surfaces: Surfaces, guess: ScanPose) -> tuple[float, float, float, bool] | None:
+def match_scan(
+    view: View, surfaces: Surfaces, guess: ScanPose, drift: tuple[float, float, float]
+) -> tuple[float, float, float, bool] | None:
     """Return x_m, y_m and yaw_rad of `match`, and whether they are sure."""
     every = max(1, view.solid.size // POINTS)
     beams = view.solid[::every].nonzero()[0] * every
@@ -106,7 +111,7 @@ def match_scan(view: View, surfaces: Surfaces, guess: ScanPose) -> tuple[float, 
     beams = beams[(range_m > MIN_RANGE_M) & (range_m < MAX_RANGE_M)]
     points = view.x_m[beams] + 1j * view.y_m[beams]
     off = np.zeros(3)
-    prior = _prior(guess.yaw_rad)
+    prior = _prior(guess.yaw_rad, drift)
     for gate_m in GATES_M:
         pose = ScanPose(guess.at_m + complex(off[0], off[1]), guess.yaw_rad + off[2])
         paired = _pair(points, surfaces, pose, view, gate_m)
@@ -125,12 +130,12 @@ def match_scan(view: View, surfaces: Surfaces, guess: ScanPose) -> tuple[float, 
     return guess.at_m.real + x_m, guess.at_m.imag + y_m, guess.yaw_rad + yaw_rad, bool(sure)
 
 
-def _prior(yaw_rad: float) -> Floats:
-    """Return the information (3, 3) of the odometry over one scan, for that heading."""
+def _prior(yaw_rad: float, drift: tuple[float, float, float]) -> Floats:
+    """Return the information (3, 3) of the guess, for that heading."""
     ahead = np.array((math.cos(yaw_rad), math.sin(yaw_rad)))
     across = np.array((-ahead[1], ahead[0]))
-    prior = np.diag((0.0, 0.0, DRIFT_RAD**-2))
-    prior[:2, :2] = np.outer(ahead, ahead) / DRIFT_AHEAD_M**2 + np.outer(across, across) / DRIFT_ASIDE_M**2
+    prior = np.diag((0.0, 0.0, drift[2] ** -2))
+    prior[:2, :2] = np.outer(ahead, ahead) / drift[0] ** 2 + np.outer(across, across) / drift[1] ** 2
     return prior
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from wallride.drivers.accelerated import accelerated
 from wallride.drivers.value import value
 from wallride.runtime.control.perception.geometry import NOWHERE, Booleans, Places, places_m
+from wallride.runtime.control.perception.motion.scan_matching import ScanPose
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.view import View
 
@@ -96,6 +97,21 @@ class RearMemory:
         self.kept.append(self.seen_now(view))
         self._views.append(find_near_places(view, complex(pose.x_m, pose.y_m), pose.yaw_rad))
         self._seen = np.concatenate(self._views)
+
+    def slide(self, moved: ScanPose) -> None:
+        """Carry what is remembered by a way that the odometry has not counted; moved: as seen from its pose."""
+        at_m, turn = complex(self._at.x_m, self._at.y_m), cmath.rect(1.0, -moved.yaw_rad)
+        from_m = at_m + moved.at_m * cmath.rect(1.0, self._at.yaw_rad)
+        self.kept = deque(
+            (RememberedView(one.view, at_m + (one.place_m - from_m) * turn, one.yaw_rad - moved.yaw_rad)
+             for one in self.kept), maxlen=KEPT_FOR_A_WAY_OUT,
+        )  # fmt: skip
+        self._views = deque((at_m + (places_m - from_m) * turn for places_m in self._views), maxlen=KEPT_VIEWS)
+        self._seen = at_m + (self._seen - from_m) * turn
+        if self._last is not None:
+            there_m = at_m + (complex(self._last.x_m, self._last.y_m) - from_m) * turn
+            yaw_rad = math.remainder(self._last.yaw_rad - moved.yaw_rad, math.tau)
+            self._last = OdometryState(there_m.real, there_m.imag, yaw_rad)
 
     def seen_now(self, view: View) -> RememberedView:
         """Return the view with the present pose."""

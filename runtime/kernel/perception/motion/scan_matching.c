@@ -46,14 +46,13 @@ static struct told paired(const struct scans *s, const double *pose, double gate
     return told;
 }
 
-/* The information of the odometry over one scan, for that heading. */
-static void prior_of(double yaw, double *to) {
-    const double ahead = 1.0 / (SCAN_MATCHING_DRIFT_AHEAD_M * SCAN_MATCHING_DRIFT_AHEAD_M);
-    const double aside = 1.0 / (SCAN_MATCHING_DRIFT_ASIDE_M * SCAN_MATCHING_DRIFT_ASIDE_M), c = cos(yaw), s = sin(yaw);
+/* The information of the guess, for that heading. drift: its deviations ahead, aside and in heading. */
+static void prior_of(double yaw, const double *drift, double *to) {
+    const double ahead = 1.0 / (drift[0] * drift[0]), aside = 1.0 / (drift[1] * drift[1]), c = cos(yaw), s = sin(yaw);
     to[0] = c * c * ahead + s * s * aside;
     to[1] = to[3] = c * s * (ahead - aside);
     to[4] = s * s * ahead + c * c * aside;
-    to[8] = 1.0 / (SCAN_MATCHING_DRIFT_RAD * SCAN_MATCHING_DRIFT_RAD);
+    to[8] = 1.0 / (drift[2] * drift[2]);
     to[2] = to[5] = to[6] = to[7] = 0.0;
 }
 
@@ -67,16 +66,16 @@ static int is_sure(const struct told *told, double yaw) {
     return sqrt(-(way[0] * aside[0] + way[1] * aside[1])) < SCAN_MATCHING_SURE_M && sqrt(turn[2]) < SCAN_MATCHING_SURE_RAD;
 }
 
-/* match_scan(x, y, range, solid, lidar x, lidar y, first angle, angle step, points, normals, flat, guess x, y, yaw)
+/* match_scan(x, y, range, solid, lidar x, lidar y, first angle, angle step, points, normals, flat, guess x, y, yaw, *drift)
  *     -> x, y, yaw, sure | None */
 KERNEL(match_scan) {
     struct scans s;
-    double lidar[4], guess[3], off[3] = {0.0}, prior[9], pose[3] = {0.0};
-    if (!enough(count, 14, "match_scan") || !as_row(given[0], NPY_DOUBLE, &s.x) || !as_row(given[1], NPY_DOUBLE, &s.y) ||
+    double lidar[4], guess[3], drift[3], off[3] = {0.0}, prior[9], pose[3] = {0.0};
+    if (!enough(count, 17, "match_scan") || !as_row(given[0], NPY_DOUBLE, &s.x) || !as_row(given[1], NPY_DOUBLE, &s.y) ||
         !as_row(given[2], NPY_DOUBLE, &s.range) || !as_row(given[3], NPY_BOOL, &s.solid) ||
         !as_numbers(given + 4, 4, lidar) || !as_row(given[8], NPY_CDOUBLE, &s.at) ||
         !as_row(given[9], NPY_CDOUBLE, &s.normal) || !as_row(given[10], NPY_BOOL, &s.flat) ||
-        !as_numbers(given + 11, 3, guess))
+        !as_numbers(given + 11, 3, guess) || !as_numbers(given + 14, 3, drift))
         return NULL;
     const beam many = s.solid.count;
     if (s.x.count != many || s.y.count != many || s.range.count != many || s.at.count != s.flat.count ||
@@ -85,7 +84,7 @@ KERNEL(match_scan) {
     s.lidar_x = lidar[0], s.lidar_y = lidar[1], s.first = lidar[2], s.step = lidar[3];
     const double gates[3] = {SCAN_MATCHING_GATES_M_0, SCAN_MATCHING_GATES_M_1, SCAN_MATCHING_GATES_M_2};
     struct told told;
-    prior_of(guess[2], prior);
+    prior_of(guess[2], drift, prior);
     for (int step = 0; step < 3; step++) {
         double sum[9], toward[3], move[3];
         for (int i = 0; i < 3; i++)

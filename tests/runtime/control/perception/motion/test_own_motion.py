@@ -104,13 +104,25 @@ def test_an_old_report_is_carried_on_to_the_scan_but_not_for_long():
 
 
 @pytest.mark.parametrize("gap", [{"reports": False}, {"lost": True}])
-def test_without_a_report_or_with_locked_wheels_no_earlier_scan_is_compared(gap):
-    car = Driven(0.1)
-    car.scans(20)
-    motion = car.scan(**gap, distance_m=car.speed_mps * car.now_s, speed_mps=0.0)
-    assert abs(motion.here.at_m - motion.before.at_m) < 1e-6
-    assert not car.scan().sure
+def test_a_car_whose_wheels_tell_nothing_is_followed_by_its_scans(gap):
+    car = Driven(speed_mps=2.0)
+    began_m = car.scans(20, speed_mps=2.0).here.at_m
+    frozen_m = car.speed_mps * car.now_s
+    for _ in range(12):
+        motion = car.scan(**gap, distance_m=frozen_m, speed_mps=0.0)
+        assert abs(motion.here.at_m - motion.before.at_m) < 1e-6, "the wheels stand"
+        assert car.odometry.slid.at_m.real == pytest.approx(2.0 * PERIOD_S, abs=0.02)
+    after = car.scan(speed_mps=2.0)
+    assert after.before.at_m - began_m == pytest.approx(12 * 2.0 * PERIOD_S, abs=0.03)
+    assert not after.sure
     assert car.scans(3).sure
+
+
+def test_of_a_slide_without_a_scene_nothing_is_told():
+    car = Driven(speed_mps=2.0, sees=False)
+    car.scans(5)
+    car.scan(lost=True, speed_mps=0.0)
+    assert car.odometry.slid is None
 
 
 @pytest.mark.parametrize("field", ["speed_mps", "distance_m", "steering_rad"])

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from wallride.drivers.api import Scan
+from wallride.runtime.control.perception.geometry import Places
+from wallride.runtime.control.perception.motion.scan_matching import ScanPose
 from wallride.runtime.control.perception.obstacles.rear_memory import TRACK_FOR_S, TRACK_M, RearMemory
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.view import ViewCache
@@ -74,3 +76,21 @@ def test_a_track_of_long_ago_is_none():
     car.now_s += TRACK_FOR_S + 1.0
     car.roll(0.02)
     assert car.roll(-0.6) == pytest.approx(0.6, abs=0.05)
+
+
+def test_a_slide_that_the_odometry_has_not_counted_carries_what_is_remembered():
+    car = Rolling()
+    car.roll(1.0)
+    wall_m: Places = np.array([0.3 + 1.0j, 0.0 + 1.0j, -0.5 + 0.8j])  # as seen from the car
+    car.behind._seen = car.x_m + wall_m
+    moved = ScanPose(0.4 + 0.1j, 1.2)
+    kept = [one.place_m for one in car.behind.kept]
+    car.behind.slide(moved)
+    found = car.behind.points_m(0.0)
+    expected = (wall_m - moved.at_m) * np.exp(-1j * moved.yaw_rad)
+    assert found == pytest.approx(expected[np.abs(np.angle(expected - CAR.lidar_x_m)) > 0.0], abs=1e-9)
+    there = [(place_m - car.x_m - moved.at_m) * np.exp(-1.2j) + car.x_m for place_m in kept]
+    assert [one.place_m for one in car.behind.kept] == pytest.approx(there, abs=1e-9)
+    assert car.behind.kept[-1].yaw_rad == pytest.approx(-1.2)
+    car.roll(0.02)
+    assert len(car.behind.kept) == len(kept) + 1, "it is kept anew, where it is now"
