@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from wallride.runtime.control.method_settings import METHODS, OWN_METHODS, kept_by_new_method, name_of
 from wallride.runtime.control.own_laws.law_class import is_own, loaded
@@ -75,8 +75,19 @@ def _with_methods(settings: Settings, wishes: Mapping[str, object]) -> Settings:
         if isinstance(method, str) and method in models and method != tree[section]["method"]:
             kept = kept_by_new_method(section, tree[section]["method"], method)
             kept = kept.intersection(models[method].model_fields, tree[section])
-            tree[section] = {"method": method, **{key: tree[section][key] for key in kept}}
+            tree[section] = _of_law(models[method], method, {key: tree[section][key] for key in kept})
     return Settings.model_validate(tree)
+
+
+def _of_law(law: type[BaseModel], method: str, kept: Mapping[str, object]) -> dict[str, object]:
+    """Return the section of a law with the kept values, without those beyond its bounds: `line` alone drives 20 m/s."""
+    section = {"method": method, **kept}
+    try:
+        law.model_validate(section)
+    except ValidationError as error:
+        beyond = {item["loc"][0] for item in error.errors(include_url=False) if item["loc"]}
+        return {key: value for key, value in section.items() if key not in beyond}
+    return section
 
 
 def _objection(name: str, value: object, known: Mapping[str, Parameter]) -> str:

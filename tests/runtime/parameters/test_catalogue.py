@@ -8,7 +8,7 @@ import pytest
 from wallride.runtime.control.method_settings import METHODS, name_of
 from wallride.runtime.parameters.catalogue import ValueKind, catalogue, values
 from wallride.runtime.parameters.policy import LOOSENS, Effect, Loosens, effect_of, is_looser, loosens_by
-from wallride.runtime.parameters.update import UnacceptableError, looser, plan
+from wallride.runtime.parameters.update import UnacceptableError, looser, plan, read_texts
 from wallride.runtime.settings.tree import Settings, load_settings
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -159,6 +159,13 @@ def test_another_method_begins_with_its_own_gains_and_keeps_what_means_the_same(
     assert ("wall_follow.look_ahead_m", 0.4, None) in wanted.changed
     back = plan(wanted.settings, {"wall_follow.method": "ball"})
     assert ("wall_follow.look_ahead_m", None, 0.4) in back.changed
+
+
+def test_a_speed_beyond_those_of_another_method_is_not_kept_by_it():
+    settings = Settings.model_validate({"wall_follow": {"method": "line", "side": "right", "speed_mps": 11.0}})
+    read_texts(settings)
+    follow = plan(settings, {"wall_follow.method": "ball"}).settings.wall_follow
+    assert (follow.method, follow.side, follow.speed_mps) == ("ball", "right", 1.0)
 
 
 @of_every_law
