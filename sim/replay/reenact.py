@@ -37,11 +37,12 @@ from wallride.runtime.recording.decision_log import (
 from wallride.runtime.recording.laws_fingerprint import laws_fingerprint
 from wallride.runtime.settings.imports import import_named
 from wallride.runtime.settings.tree import Settings
+from wallride.runtime.telemetry.course_messages import written
 from wallride.runtime.wire import topics
 from wallride.sim.recordings import RecordingError
 from wallride.sim.replay import difference
 from wallride.sim.replay.difference import CLOSE, Difference
-from wallride.sim.replay.drive_log import DriveLog
+from wallride.sim.replay.drive_log import DriveLog, stamp_ns
 from wallride.sim.replay.drive_log import decode as decode_message
 from wallride.sim.replay.settings_text import known_part, settings_of, with_assignments
 from wallride.sim.replay.stack import ReplayStack
@@ -57,7 +58,7 @@ class ReplayVerdict:
     """Result of a replay. differing: number of different decisions; differences: the first of them.
 
     exact: whether values had to agree but for rounding. notes: sentences about data missing in the decision log.
-    changed: sentence about laws other than the recorded ones; "" if they are the same.
+    changed: sentence about laws, map or line other than the recorded ones; "" if they are the same.
     """
 
     decisions: int = 0
@@ -128,6 +129,7 @@ class _Script:
 
 class _Reenactment:
     def __init__(self, log: DriveLog, events: Sequence[Event], assignments: Sequence[str]) -> None:
+        self._log = log
         self._events = events
         self._assignments = assignments
         self._ranges = _Ranges(log)
@@ -146,15 +148,19 @@ class _Reenactment:
         self._settled_s = self._zero_s
 
     def _course(self, settings: Settings) -> RaceCourse | None:
-        """Return the course, where a follower of this drive needs it; a note where it is not there."""
+        """Return the course, where a follower of this drive needs it; the verdict says where it is another, or none."""
         drives = any(isinstance(one, SettingsEvent) and _method(one.settings) == "line" for one in self._events)
         if not drives and settings.wall_follow.method != "line":
             return None
+        verdict = self._verdict
         try:
-            return read_course(settings.map, settings.car)
+            course = read_course(settings.map, settings.car)
         except MapError as error:
-            self._verdict.notes.append(f"it drove a race line, whose map cannot be read: {error}")
+            verdict.changed = verdict.changed or f"it drove a race line, whose map cannot be read: {error}"
             return None
+        if not any(name.startswith("map.") for name in self._assignments):
+            verdict.changed = verdict.changed or changed_course(self._log, course)
+        return course
 
     def run(self) -> ReplayVerdict:
         expected = 0
@@ -320,6 +326,16 @@ def changed_laws(log: DriveLog) -> str:
         by = f"wallride {recorded}, which did" if recorded else "a wallride that did"
         return f"the laws may have changed since: it was recorded by {by} not name its laws"
     return f"the laws have changed since: recorded with {recorded} (laws {laws}), this is {ours} (laws {present})"
+
+
+def changed_course(log: DriveLog, course: RaceCourse | None) -> str:
+    """Return a sentence if map or line are not those that were recorded; "" for the same, and without a record."""
+    for topic in topics.LASTING:
+        for message in log.of(topic)[:1]:
+            present = written(course, stamp_ns(decode_message(message))) if course is not None else {}
+            if present.get(topic) != message.payload:
+                return f"the {topic} that it drove by is not there, or has changed since"
+    return ""
 
 
 def first_time_s(events: Sequence[Event]) -> float:

@@ -95,18 +95,22 @@ def test_a_car_drives_the_line_of_its_map_and_decides_the_same_to_the_bit(folder
     assert car.status()["pose"]["race"]["speed_share"] == 1.0
     heard = [len(payload) for key, payload in car.bus.heard if key.rpartition("/")[2] == "line"]
     assert len(heard) == 2, "at once, and again after 5 s"
-    verdict = reenact(read_log(here / "race.mcap"))
-    assert (verdict.first, verdict.exact, verdict.notes) == (None, True, [])
+    log = read_log(here / "race.mcap")
+    verdict = reenact(log)
+    assert (verdict.first, verdict.exact, verdict.notes, verdict.changed) == (None, True, [], "")
     assert verdict.answers > 250
     (folder / "lab.walls.csv").rename(folder / "away")
     (folder / "lab.yaml").rename(folder / "away.yaml")
     try:
-        without = reenact(read_log(here / "race.mcap"))
+        without = reenact(log)
     finally:
         (folder / "away").rename(folder / "lab.walls.csv")
         (folder / "away.yaml").rename(folder / "lab.yaml")
     assert without.first is not None
-    assert without.notes[0].startswith("it drove a race line, whose map cannot be read: ")
+    assert without.changed.startswith("it drove a race line, whose map cannot be read: ")
+    assert cli.main(["line", str(map_), "-o", str(here / "lab.line.csv"), "--speed", "2.9"]) == 0
+    assert reenact(log).changed == "the line that it drove by is not there, or has changed since"
+    assert reenact(log, ["map.line="]).changed == "", "which is another one by wish"
 
 
 def test_poses_of_another_map_are_told(folder, here, capsys):
