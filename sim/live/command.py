@@ -225,15 +225,18 @@ def _fleet(
         cars = build_fleet(world, options.cars, conditions, settings, options.seed, put_back=options.put_back)
     except (ValueError, OSError) as error:
         raise SimUsageError(str(error)) from None
+    failed = ""
     for car in cars:
         car.scene.turning = lidar_kinds.device_for(options.lidar)
     try:
         asyncio.run(run_fleet(cars, options, config, settings, stop, consoles[0]))
     except* SessionError as group:
-        raise innermost(group) from None
+        failed = str(innermost(group))
+        if not all(car.record.end_early(failed) for car in cars):
+            raise innermost(group) from None
     if stop.killed:
         raise SessionError("killed; there is no summary")
-    return write_fleet(fleet_summary(cars, world.name), options.json, UserCode.of(settings), consoles[1])
+    return write_fleet(fleet_summary(cars, world.name, failed), options.json, UserCode.of(settings), consoles[1])
 
 
 def _replay(

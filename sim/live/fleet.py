@@ -24,7 +24,7 @@ from wallride.sim.live.record import Record
 from wallride.sim.live.runtime_process import WallrideProcess
 from wallride.sim.live.scenes import WorldScene
 from wallride.sim.live.screen import port_notice
-from wallride.sim.live.session import RuntimeStart, SimulatorSession
+from wallride.sim.live.session import RuntimeStart, SessionError, SimulatorSession, innermost
 from wallride.sim.live.stop_request import StopRequest
 from wallride.sim.live.traffic import TrafficWorld, starts
 from wallride.sim.live.user_code import UserCode
@@ -79,29 +79,38 @@ async def run_fleet(
     duration_s = options.duration or 60.0
     async with asyncio.TaskGroup() as tasks:
         drives = [
-            tasks.create_task(
-                car.session.run(start_of(options, config, car, settings), duration_s, stop, lambda _record: None)
-            )
-            for car in cars
+            tasks.create_task(_drive(car, start_of(options, config, car, settings), duration_s, stop)) for car in cars
         ]
         page = tasks.create_task(_tell(cars, console, with_page=not options.headless))
         await asyncio.wait(drives)
         page.cancel()
 
 
-def fleet_summary(cars: list[SimulatedCar], world: str) -> dict[str, Any]:
-    """Return the figures of each car."""
-    return {"world": world, "cars": {car.name: _figures(car) for car in cars}}
+async def _drive(car: SimulatedCar, start: RuntimeStart, duration_s: float, stop: StopRequest) -> None:
+    """Drive one car; its SessionError names it."""
+    try:
+        await car.session.run(start, duration_s, stop, lambda _record: None)
+    except* SessionError as group:
+        error = innermost(group)
+        raise SessionError(f"{car.name}: {error}", error.exit_code) from None
+
+
+def fleet_summary(cars: list[SimulatedCar], world: str, failed: str = "") -> dict[str, Any]:
+    """Return the figures of each car. failed: why the runtime of one did not end in order."""
+    return {"world": world, "failed": failed, "cars": {car.name: _figures(car) for car in cars}}
 
 
 def write_fleet(summary: dict[str, Any], target: str | None, code: UserCode, console: Console) -> int:
-    """Write the summary; return the exit code, 1 when a car touched something, was not heard, or `code` failed.
+    """Write the summary; return the exit code, 1 when a car failed, touched something, was not heard, or `code` failed.
 
     code: the user's laws and drivers.
     """
     if target != "-":
         console.print(_table(summary))
     write_answer(json.dumps(summary, indent=2) + "\n", target)
+    if summary["failed"]:
+        print(f"wallride: {summary['failed']}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+        return 1
     failed = {name: code.faults(car["faults"] or ()) for name, car in summary["cars"].items()}
     for name, faults in failed.items():
         if faults:
