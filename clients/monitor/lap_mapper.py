@@ -118,6 +118,7 @@ class LapMapper:
         made = self._now
         if made.car != source.car or not made.can_be_raced:
             raise RefusedError(f"there is no map of {source.car}'s lap with a race line here: make it first")
+        self._now = replace(made, stage="saving", refusal="")  # at once: `cancel` may come before the task's first step
         self._begin(lambda: self._race_along(made, source, asked_mps or made.fastest_mps))
 
     def _begin(self, work: Callable[[], Awaitable[None]]) -> None:
@@ -185,7 +186,6 @@ class LapMapper:
         self._tell("good", *words, sentence)
 
     async def _race_along(self, made: LapMap, source: LapSource, asked_mps: float) -> None:
-        self._now = replace(made, stage="saving", refusal="")
         if made.file is None or made.map is None:
             return
 

@@ -116,6 +116,15 @@ async def test_race_along_it_keeps_map_and_law_in_the_car_s_file(tmp_path, car_t
         bench.press("race")
 
 
+async def test_a_race_that_was_begun_is_not_cancelled(tmp_path, car_toml):
+    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+    await bench.made()
+    bench.press("race")
+    bench.press("cancel")
+    assert (await bench.ended())["stage"] == "saved"
+    assert load_settings(car_toml).wall_follow.method == "line"
+
+
 async def test_a_car_that_drives_is_told_by_name_and_its_file_stays(tmp_path, car_toml):
     bench = Bench(recorded(tmp_path / "recordings"), car_toml)
     await bench.made()
