@@ -151,8 +151,11 @@ def why_no_line(follow: WallFollowSettings, map_: PoseMapSettings) -> str:
         return 'wall_follow.method = "line" follows the race line of a map, and map.file names none'
     path = Path(map_.file).expanduser()
     beside = path.with_name(path.stem + LINE_SUFFIX)
-    if not path.is_file() or beside.is_file():  # a map that is not there is told where it is read
-        return ""
+    try:
+        if not path.is_file() or beside.is_file():
+            return ""
+    except OSError:  # another user's folder
+        return ""  # a map that is not there, or not to be read, is told where it is read
     return f'wall_follow.method = "line": there is no {beside} beside the map; make it: wallride line {path}'
 
 

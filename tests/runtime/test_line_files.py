@@ -1,5 +1,8 @@
 """The file of a race line: read as written, and refused with what to do."""
 
+import errno
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -7,9 +10,10 @@ from tests.runtime.control.line_following.lines import circle
 from tests.runtime.test_map_files import box, round_the_box, write
 from wallride.runtime.control.safety.promised_way import MOTOR_BRAKE_MPS2
 from wallride.runtime.control.vehicle import CarSettings
-from wallride.runtime.line_files import AGAINST_LAP, read_course, read_line
+from wallride.runtime.line_files import AGAINST_LAP, read_course, read_line, why_no_line
 from wallride.runtime.map_files import MapError, fingerprint, walls_text
 from wallride.runtime.settings.pose_map import PoseMapSettings
+from wallride.runtime.settings.tree import Settings
 
 
 def text(line, **changes):
@@ -106,4 +110,16 @@ def test_a_line_through_walls_or_beside_the_map_is_refused_with_its_place(tmp_pa
     beside = map_.with_name(f"{map_.stem}.line.csv")
     beside.write_text(in_the_box(shift=shift))
     with pytest.raises(MapError, match=r"m\.line\.csv: the line leads through what is not free, at x [-0-9]+\.\d m, y"):
+        read_course(PoseMapSettings(file=str(map_)), CarSettings())
+
+
+def test_a_map_in_a_folder_of_another_user_is_told_where_it_is_read(tmp_path, monkeypatch):
+    def closed(self, **_):
+        raise PermissionError(errno.EACCES, "Permission denied", str(self))
+
+    follow, map_ = Settings.model_validate({"wall_follow": {"method": "line"}}).wall_follow, write(tmp_path, box())
+    assert "beside the map; make it" in why_no_line(follow, PoseMapSettings(file=str(map_)))
+    monkeypatch.setattr(Path, "stat", closed)
+    assert why_no_line(follow, PoseMapSettings(file=str(map_))) == ""
+    with pytest.raises(MapError, match=r"\.yaml: Permission denied$"):
         read_course(PoseMapSettings(file=str(map_)), CarSettings())
