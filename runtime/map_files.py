@@ -1,8 +1,8 @@
 """The files of a map: ROS's `.yaml` with its image, and beside it the walls as `wallride map` found them.
 
 `NAME.walls.csv` holds a point for each cell and side of a wall with its normal, `x_m; y_m; nx; ny`: a cell of 5 cm
-alone does not tell where in it the wall is. A line of its heading, `# scale: 0.9712`, tells the true way over the one
-that the wheels reported.
+alone does not tell where in it the wall is. Lines of its heading, `# scale: 0.9712` and `# points: 1380`, tell the true
+way over the one that the wheels reported, and how many points follow.
 """
 
 import hashlib
@@ -194,12 +194,12 @@ def grid_of(settings: MapSettings, occupancy: Floats) -> MapGrid:
 
 def read_walls(path: Path) -> tuple[WallPoints, float]:
     """Return the walls of their file, and the scale of the wheels. Raises: MapError, OSError."""
-    scale, rows = 1.0, []
+    said, rows = {"scale": 1.0}, []
     with path.open(encoding="utf-8", errors="replace") as file:
         for number, line in enumerate(file, 1):
             if line.startswith("#"):
-                if told := re.match(r"#\s*scale:\s*([0-9.]{1,12})\s*$", line):
-                    scale = float(told[1])
+                if told := re.match(r"#\s*(scale|points):\s*([0-9.]{1,12})\s*$", line):
+                    said[told[1]] = float(told[2])
                 continue
             try:
                 row = tuple(map(float, line.split(";")))
@@ -210,6 +210,9 @@ def read_walls(path: Path) -> tuple[WallPoints, float]:
             rows.append(row)
             if len(rows) > MAX_WALL_POINTS:
                 raise MapError(f"{path}: more than {MAX_WALL_POINTS} points")
+    scale = said["scale"]
+    if len(rows) != said.get("points", len(rows)):
+        raise MapError(f"{path}: it was cut, {len(rows)} of {said['points']:.0f} points are left. Copy it again")
     if not rows or not SCALES[0] <= scale <= SCALES[1]:
         raise MapError(f"{path}: {f'a scale of {scale:g}' if rows else 'no points'}. Make the map again: wallride map")
     table = np.array(rows)
@@ -238,7 +241,8 @@ def _check_walls(path: Path, points: WallPoints, cells: MapCells) -> None:
 
 def walls_text(points: WallPoints, scale: float | None, about: str) -> str:
     """Return the text of the file with the walls."""
-    heading = [f"# {about}", *([] if scale is None else [f"# scale: {scale:.4f}"]), "# x_m; y_m; nx; ny"]
+    told = [f"# points: {points.places_m.size}", *([] if scale is None else [f"# scale: {scale:.4f}"])]
+    heading = [f"# {about}", *told, "# x_m; y_m; nx; ny"]
     rows = [
         f"{place.real:.4f}; {place.imag:.4f}; {normal.real:.4f}; {normal.imag:.4f}"
         for place, normal in zip(points.places_m.tolist(), points.normals.tolist(), strict=True)

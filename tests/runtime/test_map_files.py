@@ -95,6 +95,7 @@ def test_the_walls_of_another_lap_or_half_of_them_are_refused(tmp_path, walls):
         ("1; 2; nan; 1\n", "line 1: not x_m"),
         ("1; 2; 0; 0\n", "line 1: not x_m"),
         ("# scale: 9\n1; 2; 1; 0\n", "a scale of 9"),
+        ("# points: 2\n1; 2; 1; 0\n", "it was cut, 1 of 2 points are left"),
     ],
 )
 def test_walls_that_cannot_be_are_told_with_their_line(tmp_path, text, said):
