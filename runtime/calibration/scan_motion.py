@@ -8,11 +8,12 @@ of where it began, and while a car drives straight at a wall the way agrees with
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from wallride.drivers.accelerated import accelerated
 from wallride.runtime.control.perception.geometry import Booleans, Floats, directions
 
 KEY_EVERY_M, KEY_EVERY_RAD = 0.2, 0.15
@@ -144,6 +145,13 @@ def _key(points_m: Floats, ranges_m: Floats) -> ReferenceScan:
     return ReferenceScan(points_m, normals, usable)
 
 
+def _flat_laid(
+    key: ReferenceScan, points_m: Floats, guess: Floats, kind: Kind, guess_weight: float = GUESS_WEIGHT
+) -> tuple[Any, ...]:
+    return (*points_m, *key.points_m, *key.normals, key.usable, *kind[:2], *guess.tolist(), guess_weight)
+
+
+@accelerated(flat=_flat_laid)
 def lay_over(
     key: ReferenceScan, points_m: Floats, guess: Floats, kind: Kind, guess_weight: float = GUESS_WEIGHT
 ) -> tuple[Floats, Floats]:
@@ -154,11 +162,7 @@ def lay_over(
     """
     shift, information = guess.copy(), np.zeros((3, 3))
     for turn in range(ROUNDS):
-        pairs = pair(key, points_m, shift, kind)
-        good = pairs.good & (np.abs(pairs.off_m) < GATES_M[min(turn, len(GATES_M) - 1)])
-        index, off_m = pairs.beam[good], pairs.off_m[good]
-        nx, ny = key.normals[0, index], key.normals[1, index]
-        slopes = np.stack([nx, ny, ny * (pairs.x_m[good] - shift[0]) - nx * (pairs.y_m[good] - shift[1])])
+        slopes, off_m = _pair(key, points_m, shift, kind, GATES_M[min(turn, len(GATES_M) - 1)])
         weighted = slopes / np.maximum(1.0, np.abs(off_m) / HUBER_M)
         information = weighted @ slopes.T
         matrix = information + guess_weight * np.eye(3)
@@ -169,34 +173,20 @@ def lay_over(
     return shift, information
 
 
-class Pairs(NamedTuple):
-    """Points of a scan, shifted, with the key's surfaces at their bearings, all (n,).
-
-    beam: of the key. off_m: distance from its surface along the normal. good: whether there is such a surface,
-    and the point is near it.
-    """
-
-    beam: npt.NDArray[np.intp]
-    x_m: Floats
-    y_m: Floats
-    off_m: Floats
-    good: Booleans
-
-
-def pair(key: ReferenceScan, points_m: Floats, shift: Floats, kind: Kind) -> Pairs:
-    """Return points (2, n), shifted by x, y, yaw, with the surfaces that the key has in their directions."""
-    first_rad, step_rad, beams = kind
+def _pair(key: ReferenceScan, points_m: Floats, shift: Floats, kind: Kind, gate_m: float) -> tuple[Floats, Floats]:
+    """Return slopes (3, n) and distances (n,) of the points near a surface that the key has in their directions."""
     cos, sin = math.cos(shift[2]), math.sin(shift[2])
-    x_m = cos * points_m[0] - sin * points_m[1] + shift[0]
-    y_m = sin * points_m[0] + cos * points_m[1] + shift[1]
+    arm_x, arm_y = cos * points_m[0] - sin * points_m[1], sin * points_m[0] + cos * points_m[1]
+    x_m, y_m = arm_x + shift[0], arm_y + shift[1]
     with np.errstate(invalid="ignore"):
-        index = np.nan_to_num(np.rint((np.arctan2(y_m, x_m) - first_rad) / step_rad), nan=-1.0).astype(np.intp)
-    good = (index >= 0) & (index < beams)
+        index = np.nan_to_num(np.rint((np.arctan2(y_m, x_m) - kind[0]) / kind[1]), nan=-1.0).astype(np.intp)
+    good = (index >= 0) & (index < key.usable.size)
     index[~good] = 0
     dx, dy = x_m - key.points_m[0, index], y_m - key.points_m[1, index]
-    off_m = key.normals[0, index] * dx + key.normals[1, index] * dy
-    good &= key.usable[index] & (np.hypot(dx, dy) < SAME_PLACE_M)
-    return Pairs(index, x_m, y_m, off_m, good)
+    nx, ny = key.normals[:, index]
+    off_m = nx * dx + ny * dy
+    good &= key.usable[index] & (np.hypot(dx, dy) < SAME_PLACE_M) & (np.abs(off_m) < gate_m)
+    return np.stack([nx, ny, ny * arm_x - nx * arm_y])[:, good], off_m[good]
 
 
 def _with_speeds(poses: Floats, stamps_s: Floats) -> ScanMotion:

@@ -112,6 +112,7 @@ KERNEL(slide_room_m);
 KERNEL(mean_nearness);
 KERNEL(free_beside_m);
 KERNEL(match_scan);
+KERNEL(lay_over);
 KERNEL(over);
 KERNEL(set_constant);
 KERNEL(cast_cells);

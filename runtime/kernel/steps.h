@@ -15,6 +15,16 @@ enum found { FAILED = -1, NONE, FOUND };
 /* scan_on_lines.c. Solves m x = -y, m (3, 3); 0 with ValueError for a singular one. */
 int solve_three(const double *m, const double *y, double *x);
 
+/* What the points that fit their lines tell of the pose; fits of those that have one. */
+struct told {
+    double information[9], pull[3];
+    beam fits, lines;
+};
+
+/* scan_matching.c */
+beam beam_toward(double x, double y, double first, double step, beam count);
+void tell(struct told *told, place normal, place turned, double off, double weight);
+
 /* wall_fit.c. expected: distance and heading, NaN where no line is expected. */
 enum found find_line(const struct row *x, const struct row *y, const struct row *range, const struct row *usable,
                      const struct row *beams, const struct row *rear, const struct row *front, const double *expected,

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from wallride.drivers.fingerprint import PACKAGE, Module, Sources, bound_by, file_of
 
-PLACES: Final = "drivers/hokuyo", "runtime/control", "runtime/ros", "sim/world"
+PLACES: Final = "drivers/hokuyo", "runtime/calibration", "runtime/control", "runtime/ros", "sim/world"
 """Folders whose functions may be accelerated, and whose constants the C may use."""
 C_FOLDERS: Final = "runtime/kernel", "sim/world"
 SEAL: Final = Path("runtime/kernel/seal.json")

@@ -1,7 +1,6 @@
 """Keyframes laid over each other, many pairs at once: what a pair tells, and what the scene hides.
 
-The matching is that of the calibration (`scan_motion.lay_over`: point to line, by the bearing of the points), in arrays
-of pairs: one by one they take most of a map's time.
+The matching is that of the calibration (`scan_motion.lay_over`: point to line, by the bearing of the points).
 """
 
 from collections.abc import Sequence
@@ -11,7 +10,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from wallride.runtime.calibration.scan_motion import ENOUGH_M, GATES_M, HUBER_M, ROUNDS, SAME_PLACE_M, Kind
+from wallride.runtime.calibration.scan_motion import HUBER_M, SAME_PLACE_M, Kind, lay_over
 from wallride.sim.mapping.keyframes import Keyframe
 from wallride.sim.mapping.pose_graph import Edge, Origin
 from wallride.sim.world.pose import Booleans, Floats
@@ -45,10 +44,9 @@ Numbers = npt.NDArray[np.intp]
 class _Pairs:
     """Points of keyframes with the surfaces of others at their bearings, all (pairs, points).
 
-    arms_m: from the shifted lidar, x + iy. off_m: distance along the normal. good: whether there is a surface near it.
+    off_m: distance along the normal. good: whether there is a surface near it.
     """
 
-    arms_m: Complexes
     normals: Complexes
     off_m: Floats
     good: Booleans
@@ -59,7 +57,7 @@ class Matcher:
     """The keyframes of a drive as arrays, (keyframes, beams or POINTS), to be laid over each other."""
 
     def __init__(self, frames: Sequence[Keyframe], kind: Kind) -> None:
-        self._kind = kind
+        self._kind, self._surfaces = kind, [frame.surface for frame in frames]
         self._places_m = np.array([frame.surface.points_m[0] + 1j * frame.surface.points_m[1] for frame in frames])
         self._normals = np.array([frame.surface.normals[0] + 1j * frame.surface.normals[1] for frame in frames])
         usable = np.array([frame.surface.usable for frame in frames])
@@ -70,6 +68,7 @@ class Matcher:
             if len(which) > POINTS:
                 which = which[np.linspace(0, len(which) - 1, POINTS).astype(np.intp)]
             row[: len(which)] = places_m[which]
+        self._ends_m = np.stack([self._points_m.real, self._points_m.imag], axis=1)
 
     def laid_over(self, before: Numbers, after: Numbers, guesses: Floats, origin: Origin) -> list[Edge | None]:
         """Return the shift of each keyframe `after` in the frame of `before`, (n,); None where it does not fit.
@@ -85,7 +84,11 @@ class Matcher:
 
     def _laid_over(self, before: Numbers, after: Numbers, guesses: Floats, origin: Origin) -> list[Edge | None]:
         loop = origin is Origin.LOOP
-        shifts, information = self._fitted(before, after, guesses)
+        fitted = [
+            lay_over(self._surfaces[one], self._ends_m[other], guess, self._kind, GUESS_WEIGHT)
+            for one, other, guess in zip(before, after, guesses, strict=True)
+        ]
+        shifts, information = np.array([shift for shift, _ in fitted]), np.array([told for _, told in fitted])
         pairs = self._pairs(before, after, shifts)
         fits = pairs.good & (np.abs(pairs.off_m) < FITS_M)
         off_m = np.where(fits, np.abs(pairs.off_m), 0.0)
@@ -111,35 +114,14 @@ class Matcher:
             for at in range(len(before))
         ]  # fmt: skip
 
-    def _fitted(self, before: Numbers, after: Numbers, guesses: Floats) -> tuple[Floats, Floats]:
-        """Return the shifts that align points with surfaces as `lay_over` does, (n, 3), and their information."""
-        shifts, information = guesses.copy(), np.zeros((len(before), 3, 3))
-        moving = np.arange(len(before))
-        for turn in range(ROUNDS):
-            pairs = self._pairs(before[moving], after[moving], shifts[moving])
-            good = pairs.good & (np.abs(pairs.off_m) < GATES_M[min(turn, len(GATES_M) - 1)])
-            off_m = np.where(good, pairs.off_m, 0.0)
-            normals = np.where(good, pairs.normals, 0.0)
-            turning = (pairs.arms_m.conj() * normals).imag
-            slopes = np.stack([normals.real, normals.imag, np.where(good, turning, 0.0)], axis=1)
-            weighted = slopes / np.maximum(1.0, np.abs(off_m) / HUBER_M)[:, None]
-            information[moving] = weighted @ slopes.transpose(0, 2, 1)
-            pull = GUESS_WEIGHT * (guesses - shifts)[moving] - (weighted @ off_m[:, :, None])[:, :, 0]
-            step = np.linalg.solve(information[moving] + GUESS_WEIGHT * np.eye(3), pull[:, :, None])[:, :, 0]
-            shifts[moving] += step
-            moving = moving[np.abs(step).max(axis=1) >= ENOUGH_M]
-            if not len(moving):
-                break
-        return shifts, information
-
     def _pairs(self, before: Numbers, after: Numbers, shifts: Floats) -> _Pairs:
         first_rad, step_rad, beams = self._kind
-        arms_m = self._points_m[after] * np.exp(1j * shifts[:, 2])[:, None]
-        points_m = arms_m + (shifts[:, 0] + 1j * shifts[:, 1])[:, None]
+        turned_m = self._points_m[after] * np.exp(1j * shifts[:, 2])[:, None]
+        points_m = turned_m + (shifts[:, 0] + 1j * shifts[:, 1])[:, None]
         with np.errstate(invalid="ignore"):
             beam = np.nan_to_num(np.rint((np.angle(points_m) - first_rad) / step_rad), nan=-1.0).astype(np.intp)
         inside = (beam >= 0) & (beam < beams)
         at = before[:, None] * beams + np.where(inside, beam, 0)
         normals, apart_m = self._normals.ravel()[at], points_m - self._places_m.ravel()[at]
         off_m = (apart_m * normals.conj()).real
-        return _Pairs(arms_m, normals, off_m, inside & (np.abs(apart_m) < SAME_PLACE_M), np.isfinite(off_m))
+        return _Pairs(normals, off_m, inside & (np.abs(apart_m) < SAME_PLACE_M), np.isfinite(off_m))

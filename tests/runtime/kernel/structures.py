@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from wallride.runtime.calibration.scan_motion import ReferenceScan
 from wallride.runtime.control.localization.line_field import LineField
 from wallride.runtime.control.localization.scan_points import ScanPoints
 from wallride.runtime.control.perception.motion.scan_matching import ScanPose, Surfaces
@@ -34,6 +35,11 @@ def _matched(x_m, y_m, ranges_m, solid, *numbers):
     lidar_m = complex(lidar_x_m, lidar_y_m)
     view = SimpleNamespace(scan=scan, x_m=x_m, y_m=y_m, ranges_m=ranges_m, solid=solid, lidar_m=lidar_m)
     return view, Surfaces(points_m, normals, flat), ScanPose(complex(at_x_m, at_y_m), yaw_rad), tuple(drift)
+
+
+def _laid_over(x_m, y_m, key_x_m, key_y_m, normal_x, normal_y, usable, first_rad, step_rad, *numbers):
+    key = ReferenceScan(np.stack([key_x_m, key_y_m]), np.stack([normal_x, normal_y]), usable)
+    return key, np.stack([x_m, y_m]), np.array(numbers[:3]), (first_rad, step_rad, usable.size), numbers[3]
 
 
 def _lines(beams, rear, front):
@@ -135,6 +141,7 @@ STRUCTURES: dict[str, Callable[..., Any]] = {
     "fit_wall_line": _fit,
     "lay_on_lines": _laying,
     "match_scan": _matched,
+    "lay_over": _laid_over,
     "find_followed_wall": _wall,
     "roll_ball": _ball,
     "drive_along_ball": _drive,

@@ -11,10 +11,13 @@ from tests.runtime.control.localization.rooms import LIDAR_M, corridor, ring
 from tests.runtime.control.perception.motion.test_scan_matching import room as in_a_room
 from tests.runtime.kernel.sameness import PYTHON, assert_same
 from wallride.drivers.accelerated import FUNCTIONS
+from wallride.runtime.calibration.scan_motion import ReferenceScan
+from wallride.runtime.calibration.stop_match import surfaces
 from wallride.runtime.control.localization.line_field import field_of_cells
 from wallride.runtime.control.localization.pose_filter import PoseFilter
 from wallride.runtime.control.localization.scan_points import AxleMotion, scan_points
 from wallride.runtime.control.perception.motion.scan_matching import DRIFT, SLIDE, ScanPose, surfaces_of
+from wallride.sim.world.worlds import load_world
 
 PLACES = ((9.6, 0.2, 0.4), (-0.2, 3.0, -1.5), (10.1, 5.6, 3.0))
 
@@ -130,3 +133,37 @@ def test_a_scan_with_other_beams_or_no_numbers_is_refused_or_matches_nothing(com
             compiled["match_scan"](*given_[:place], given_[place][1:].copy(), *given_[place + 1 :])
     for place in (4, 5, 6, 7, 11, 12, 13):
         assert compiled["match_scan"](*given_[:place], math.nan, *given_[place + 1 :]) is None
+
+
+KIND = (-math.pi, math.radians(1.0), 360)
+
+
+@settings(max_examples=150)
+@given(
+    pose=st.tuples(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4), st.floats(-0.3, 0.3)),
+    guess=st.tuples(st.floats(-0.6, 0.6), st.floats(-0.4, 0.4), st.floats(-3.0, 3.0) | st.floats(-0.3, 0.3)),
+    every=st.sampled_from([1, 1, 3, 40, 2000]),
+    weight=st.sampled_from([0.01, 5.0]),
+    seed=st.integers(0, 2**32),
+)
+def test_any_points_are_laid_over_a_key_alike(compiled, pose, guess, every, weight, seed):
+    world, noise_m = load_world("loop"), np.random.default_rng(seed).normal(0.0, 0.01, (2, KIND[2]))
+    bearings_rad = np.array([KIND[0] + KIND[1] * beam for beam in range(KIND[2])])
+    rays = np.array([np.cos(bearings_rad), np.sin(bearings_rad)])
+    key = surfaces(rays * (world.cast(0.0, 0.0, bearings_rad) + noise_m[0]))
+    points_m = rays * (world.cast(pose[0], pose[1], bearings_rad + pose[2]) + noise_m[1])
+    given_ = FUNCTIONS["lay_over"].flat(key, points_m[:, ::every], np.array(guess), KIND, weight)
+    assert_same("lay_over", PYTHON["lay_over"](*given_), compiled["lay_over"](*given_))
+
+
+def test_a_key_with_other_beams_or_no_numbers_is_refused_or_moves_nothing(compiled):
+    square_m, key = np.ones((2, 9)), ReferenceScan(np.ones((2, 9)), np.ones((2, 9)), np.ones(9, bool))
+    given_ = FUNCTIONS["lay_over"].flat(key, square_m, np.zeros(3), (-1.0, 0.25, 9))
+    assert np.linalg.norm(compiled["lay_over"](*given_)[1]) > 0.0
+    for place in range(7):
+        with pytest.raises(ValueError, match="different lengths"):
+            compiled["lay_over"](*given_[:place], given_[place][1:].copy(), *given_[place + 1 :])
+    for place in (7, 8, 9, 10, 11):
+        assert not compiled["lay_over"](*given_[:place], math.nan, *given_[place + 1 :])[1].any()
+    with pytest.raises(ValueError, match="Singular"):
+        compiled["lay_over"](*given_[:8], 0.001, *given_[9:12], 0.0)

@@ -10,11 +10,22 @@ struct scans {
     double lidar_x, lidar_y, first, step;
 };
 
-/* What the points that fit their lines tell of the pose; fits of those that have one. */
-struct told {
-    double information[9], pull[3];
-    beam fits, lines;
-};
+/* The beam of a lidar toward a place, -1 where it has none; NaN is such a place. */
+beam beam_toward(double x, double y, double first, double step, beam count) {
+    double number = rint((atan2(y, x) - first) / step);
+    return number >= 0.0 && number < (double)count ? (beam)number : -1;
+}
+
+/* One point that fits its line: turned, its arm from the pose; off, its distance along the normal. */
+void tell(struct told *told, place normal, place turned, double off, double weight) {
+    const double slope[3] = {creal(normal), cimag(normal), creal(turned) * cimag(normal) - cimag(turned) * creal(normal)};
+    told->fits++;
+    for (int k = 0; k < 3; k++) {
+        told->pull[k] += slope[k] * off * weight;
+        for (int j = 0; j < 3; j++)
+            told->information[3 * k + j] += slope[k] * slope[j] * weight;
+    }
+}
 
 static struct told paired(const struct scans *s, const double *pose, double gate) {
     struct told told = {{0.0}, {0.0}, 0, 0};
@@ -26,22 +37,14 @@ static struct told paired(const struct scans *s, const double *pose, double gate
         if (!FLAG(s->solid, i) || !(range > SCAN_MATCHING_MIN_RANGE_M && range < SCAN_MATCHING_MAX_RANGE_M))
             continue;
         place turned = times(CMPLX(NUMBER(s->x, i), NUMBER(s->y, i)), turn), there = turned + moved;
-        double bearing = atan2(cimag(there) - s->lidar_y, creal(there) - s->lidar_x);
-        double number = rint((bearing - s->first) / s->step);
-        beam beside = number > 0.0 && number < (double)s->flat.count ? (beam)number : 0;
-        if (beside == 0 || !FLAG(s->flat, beside))
+        beam beside = beam_toward(creal(there) - s->lidar_x, cimag(there) - s->lidar_y, s->first, s->step, s->flat.count);
+        if (beside <= 0 || !FLAG(s->flat, beside))
             continue;
         told.lines++;
         place normal = PLACE(s->normal, beside), apart = times(there - PLACE(s->at, beside), conj(normal));
         if (!(fabs(creal(apart)) < gate && fabs(cimag(apart)) < SCAN_MATCHING_ALONG_M))
             continue;
-        told.fits++;
-        const double slope[3] = {creal(normal), cimag(normal), creal(turned) * cimag(normal) - cimag(turned) * creal(normal)};
-        for (int k = 0; k < 3; k++) {
-            told.pull[k] += slope[k] * creal(apart) / noise2;
-            for (int j = 0; j < 3; j++)
-                told.information[3 * k + j] += slope[k] * slope[j] / noise2;
-        }
+        tell(&told, normal, turned, creal(apart), 1.0 / noise2);
     }
     return told;
 }
