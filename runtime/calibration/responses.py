@@ -107,11 +107,11 @@ def fit_response(
     pairs, response = responses(command, np.asarray(delays_s, float), np.asarray(rates, float), samples)
     weight = samples.weight.copy()
     for _ in range(3):  # without the outliers of the best pair
-        best, gain, offset, _ = _lines(_sums(response, samples.value, weight, None))
+        best, gain, offset, _ = _lines(_sums(response, samples.value, weight[None])[0])
         residual = samples.value - gain[best] * response[best] - offset[best]
         std = np.sqrt(np.average(residual**2, weights=weight))
         weight = np.where(np.abs(residual) < OUTLIER_STDS * std, samples.weight, 0.0)
-    sums = np.array([_sums(response, samples.value, weight, block == one) for one in np.unique(block)])
+    sums = _sums(response, samples.value, weight * (block == np.unique(block)[:, None]))
     best, gain, offset, cost = _lines(sums.sum(axis=0))
     rng, found = np.random.default_rng(seed), []
     for _ in range(RESAMPLES):
@@ -138,14 +138,12 @@ def _between(delays_s: Sequence[float], cost: Floats, best: int) -> float:
     return delays_s[k] + float((before - after) / (2 * bend)) * step_s if bend > 0 else delays_s[k]
 
 
-def _sums(
-    response: Floats, value: Floats, weight: Floats, where: "np.ndarray[tuple[int], np.dtype[np.bool_]] | None"
-) -> Floats:
-    """Return the sums that a weighted line needs, for each pair: (6, pairs)."""
-    w = weight if where is None else np.where(where, weight, 0.0)
-    ones = np.full(len(response), 1.0)
-    of_response = response @ w, (response**2) @ w, response @ (w * value)
-    return np.array([ones * w.sum(), *of_response, ones * (w @ value), ones * (w @ value**2)])
+def _sums(response: Floats, value: Floats, weights: Floats) -> Floats:
+    """Return the sums that a weighted line needs, for each row of weights (k, n) and each pair: (k, 6, pairs)."""
+    ones, times_value = np.ones(len(response)), weights * value
+    count, y, yy = (np.outer(one.sum(axis=1), ones) for one in (weights, times_value, times_value * value))
+    sums = count, weights @ response.T, weights @ (response**2).T, times_value @ response.T, y, yy
+    return np.stack(sums, axis=1)
 
 
 def _lines(sums: Floats) -> tuple[int, Floats, Floats, Floats]:
