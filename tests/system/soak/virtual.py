@@ -116,15 +116,18 @@ class VirtualSoak(SoakSurroundings):
         self._loop._jumping.now_s += for_s
         self.oracle.blocked(self._clock(), for_s)
 
-    async def run(self, seconds: float, watch: Callable[[float], None] = lambda _now_s: None) -> Findings:
-        """Drive for so many virtual seconds; watch: called every virtual minute."""
+    async def run(
+        self, seconds: float, watch: Callable[[float], None] = lambda _now_s: None, sought: str = ""
+    ) -> Findings:
+        """Drive for so many virtual seconds, or until this rule is broken; watch: called every virtual minute."""
+        found = self.oracle.violations
         clock, stop = self._clock, asyncio.Event()
         with self._ports:
             driving = self._loop.create_task(self.car.drive(stop))
             turning = self._loop.create_task(self.turn_lidar())
             operating = self._loop.create_task(self.operate())
             next_s = 60.0
-            while clock() < seconds and not driving.done():
+            while clock() < seconds and not driving.done() and sought not in found:
                 await asyncio.sleep(0.05)
                 if clock() > FIRST_FAULT_S:
                     self.injector.step(clock())
@@ -135,7 +138,7 @@ class VirtualSoak(SoakSurroundings):
             self.injector.end_all(clock())
             if driving.done():
                 self.fault("the car ended by itself", repr(driving.exception()))
-            await asyncio.sleep(ENDING_S)
+            await asyncio.sleep(0.0 if sought in found else ENDING_S)
             for task in (turning, operating):
                 if task.done():
                     task.result()
@@ -193,9 +196,9 @@ def soak(
 
 def suffer(
     fault: str = "", *, begins_s: float = 3.5, lasts_s: float = 2.0, runs_s: float = 7.5,
-    prepare: Callable[[VirtualSoak], None] = lambda _soak: None,
+    prepare: Callable[[VirtualSoak], None] = lambda _soak: None, sought: str = "",
 ) -> Findings:  # fmt: skip
-    """Drive with at most this one fault. prepare: changes the soak before it begins."""
+    """Drive with at most this one fault. prepare: changes the soak before it begins. sought: a rule that ends it."""
 
     async def main() -> Findings:
         soak = VirtualSoak(1, math.inf)
@@ -205,6 +208,6 @@ def suffer(
             loop.call_at(begins_s, injector.begin, fault, begins_s)
             loop.call_at(begins_s + 1e-3, injector.active.__setitem__, fault, math.inf)
             loop.call_at(begins_s + lasts_s, lambda: injector.end(fault, loop.time()))
-        return await soak.run(runs_s)
+        return await soak.run(runs_s, sought=sought)
 
     return run_virtual(main())
