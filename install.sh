@@ -332,14 +332,15 @@ make_version() {
     pip=$(find "${WHEELHOUSE:-/nowhere}" -name 'pip-*.whl' 2>/dev/null | head -n 1)
     if [ -n "$pip" ]; then  # then Debian's package python3-venv is not needed
         "$PYTHON" -m venv --without-pip "$TOP$target"
-        by_pip() { PYTHONPATH=$pip "$TOP$target/bin/python" -m pip "$@" pip; }
+        # A wheel of Python alone is installed when it is unpacked; out of the file, pip is compiled whenever it runs.
+        place=$("$TOP$target/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
+        "$TOP$target/bin/python" -m zipfile -e "$pip" "$place"
     else
         "$PYTHON" -m venv "$TOP$target"
-        by_pip() { "$TOP$target/bin/python" -m pip "$@"; }
     fi
     set -- --quiet --disable-pip-version-check
     [ -z "$WHEELHOUSE" ] || set -- "$@" --no-index --find-links "$WHEELHOUSE"
-    by_pip install "$@" --constraint "$HERE/constraints.txt" "$what"
+    "$TOP$target/bin/python" -m pip install "$@" --constraint "$HERE/constraints.txt" "$what"
     "$TOP$target/bin/wallride" --version
     if [ -n "$COMPILER" ] && { [ -z "$WHEELHOUSE" ] || command -v gcc >/dev/null 2>&1; }; then
         # Not from the clone: Python would look at the modules there.
