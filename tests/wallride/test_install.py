@@ -11,6 +11,7 @@ import pytest
 
 from wallride.deploy import wheelhouse
 from wallride.deploy.closure import CarPlatform
+from wallride.deploy.facts import DeployError
 
 ROOT = Path(__file__).parents[2]
 PYTHON = """#!/bin/sh
@@ -361,14 +362,14 @@ def test_an_installation_by_hand_that_was_moved_and_not_linked_is_found_again(pl
     assert in_use(place) == "by-hand"
 
 
-def test_a_wheel_for_a_car_is_built_with_the_versions_of_the_constraints(tmp_path, monkeypatch):
-    said = {}
-
-    def pip(arguments, environment):
-        said.update(environment)
-        (tmp_path / "wallride-0.1.0-py3-none-any.whl").touch()
-        return ""
-
-    monkeypatch.setattr(wheelhouse, "_pip", pip)
-    wheelhouse.build_wheel(ROOT, tmp_path, CarPlatform("x86_64", (2, 36), (3, 11, 0)))
-    assert said["PIP_CONSTRAINT"] == said["PIP_BUILD_CONSTRAINT"] == f"{ROOT}/constraints.txt"
+def test_a_wheel_for_a_car_that_cannot_be_built_has_the_reason(tmp_path, monkeypatch):
+    (tmp_path / "pyproject.toml").write_text("[project")
+    car = CarPlatform("x86_64", (2, 36), (3, 11, 0))
+    with pytest.raises(DeployError, match=r"could not be built: .*Expected"):
+        wheelhouse.build_wheel(tmp_path, tmp_path, car)
+    python = tmp_path / "python3"
+    python.write_text("#!/bin/sh\necho 'No module named hatchling' >&2\nexit 1\n")
+    python.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(python))
+    with pytest.raises(DeployError, match="python3 -m pip install hatchling"):
+        wheelhouse.build_wheel(tmp_path, tmp_path, car)

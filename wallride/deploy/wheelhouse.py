@@ -6,7 +6,7 @@ import subprocess
 import sys
 import sysconfig
 import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -20,6 +20,8 @@ from wallride.deploy.facts import DeployError
 OURS: Final = "wallride"
 ROOTS: Final = (Requirement("wallride[car]"), Requirement("pip"))
 """pip too: Debian's Python has none without another package."""
+REMEDIES: Final = {"pip": "ensurepip", "hatchling": "pip install hatchling"}
+"""Modules of this Python that make and gather wheels, each with the one that brings it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +43,12 @@ def cache_folder() -> Path:
 
 
 def build_wheel(source: Path, folder: Path, car: CarPlatform) -> Path:
-    """Return the wheel of this program, built from a clone into a folder; DeployError where pip cannot.
+    """Return the wheel of this program, built from a clone into a folder; DeployError where that fails.
 
     It brings the compiled functions where this computer makes what runs on the car.
     """
     pure = {} if car.runs_what_is_compiled_on(this_platform()) else {"WALLRIDE_PURE_WHEEL": "1"}
-    isolated = [] if not _has_backend() else ["--no-build-isolation"]
-    pinned = dict.fromkeys(("PIP_CONSTRAINT", "PIP_BUILD_CONSTRAINT"), str(source / "constraints.txt"))
-    said = _pip(["wheel", "--quiet", "--no-deps", *isolated, "--wheel-dir", str(folder), str(source)], pure | pinned)
+    said = _run(["hatchling", "build", "-t", "wheel", "-d", str(folder)], pure, source)
     built = sorted(folder.glob(f"{OURS}-*.whl"))
     if not built:
         raise DeployError(f"{source}: the wheel could not be built: {_last(said)}")
@@ -107,9 +107,10 @@ def _download(requirements: Sequence[str], cache: Path, car: CarPlatform) -> Non
     """Download wheels alone, without what they require: the car's markers decide on that."""
     major, minor, _ = car.python
     platforms = [word for name in car.platforms() for word in ("--platform", name)]
-    said = _pip(
-        ["download", "--quiet", "--no-deps", "--only-binary=:all:", "--implementation", "cp", "--python-version",
-         f"{major}.{minor}", "--abi", f"cp{major}{minor}", *platforms, "--dest", str(cache), *requirements], {},
+    said = _run(
+        ["pip", "--disable-pip-version-check", "--no-input", "download", "--quiet", "--no-deps",
+         "--only-binary=:all:", "--implementation", "cp", "--python-version", f"{major}.{minor}",
+         "--abi", f"cp{major}{minor}", *platforms, "--dest", str(cache), *requirements], {},
     )  # fmt: skip
     if not said:
         return
@@ -122,21 +123,17 @@ def _download(requirements: Sequence[str], cache: Path, car: CarPlatform) -> Non
     raise DeployError(f"the wheels could not be downloaded: {_last(said)}")
 
 
-def _pip(arguments: Sequence[str], environment: dict[str, str]) -> str:
-    """Run pip; return what it said where it failed, else nothing."""
-    command = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--no-input", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **environment}, check=False)
-    if "No module named pip" in done.stderr:
-        raise DeployError(f"{sys.executable} has no pip, which gathers the wheels: {sys.executable} -m ensurepip")
-    return (done.stderr.strip() or "pip failed") if done.returncode != 0 else ""
-
-
-def _has_backend() -> bool:
-    from importlib.util import find_spec
-
-    return find_spec("hatchling") is not None
+def _run(command: Sequence[str], environment: Mapping[str, str], folder: Path | None = None) -> str:
+    """Run a module of this Python in a folder; return what it said where it failed, else nothing."""
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", *command], capture_output=True, text=True, env={**os.environ, **environment},
+        cwd=folder, check=False,
+    )  # fmt: skip
+    if f"No module named {command[0]}" in done.stderr:
+        raise DeployError(f"{sys.executable} has no {command[0]}: {sys.executable} -m {REMEDIES[command[0]]}")
+    return (done.stderr.strip() or f"{command[0]} failed") if done.returncode != 0 else ""
 
 
 def _last(said: str) -> str:
-    lines = [line for line in said.splitlines() if "error" in line.lower()] or said.splitlines() or ["pip said nothing"]
+    lines = [line for line in said.splitlines() if "error" in line.lower()] or said.splitlines() or ["it said nothing"]
     return lines[-1].strip()

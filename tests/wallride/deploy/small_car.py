@@ -139,7 +139,7 @@ class SmallCar:
         values = {
             "DESTDIR": self.root, "SYSTEMCTL": self.tools / "systemctl", "CAR_STATE": self.state,
             "CAR_STATUS": self.status, "XDG_CACHE_HOME": self.folder / "home",
-            "PATH": f"{self.tools}:{Path(sys.executable).parent}:{os.environ['PATH']}",
+            "PATH": f"{self.tools}:{Path(sys.executable).parent}:{os.defpath}",
         }  # fmt: skip
         as_root = os.geteuid() == 0
         (self.folder / "sshd_config").write_text(
