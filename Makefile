@@ -52,7 +52,7 @@ check: $(READY)
 kernel: $(KERNEL)
 
 # The compiled functions; without a compiler the same functions run in Python, which is said and no failure.
-$(KERNEL): $(READY) $(wildcard runtime/kernel/*.[ch] runtime/kernel/*/*.c) sim/world/casting.c runtime/kernel/seal.json
+$(KERNEL): $(READY) $(wildcard runtime/kernel/*.[ch] runtime/kernel/*/*.c runtime/kernel/*/*/*.c) sim/world/casting.c runtime/kernel/seal.json
 	@$(BIN)/wallride build-kernel --native || $(BIN)/wallride build-kernel || echo "wallride: going on in Python"
 	@touch $@
 
