@@ -62,6 +62,9 @@ HOLE_RAD = 0.03
 CARRIED_POINTS = np.linspace(0.0, 1.0, 6)
 
 
+Motion = Callable[[], OwnMotion]
+
+
 class MovingObstacles:
     """Holds the tracks of moving obstacles. Call `update` once per scan.
 
@@ -76,9 +79,8 @@ class MovingObstacles:
         self._look: ScanLook | None = None
 
     def update(
-        self, view: View, pose: OdometryState, stamp_s: float, told: Callable[[], OwnMotion] | None = None, *,
-        sliding: bool = False,
-    ) -> Places:  # fmt: skip
+        self, view: View, pose: OdometryState, stamp_s: float, told: Motion | None = None, *, sliding: bool = False
+    ) -> Places:
         """Return the predicted places, (k,) in base_link, of moving obstacles in the next 0.9 s; k = 0 without any.
 
         told: returns the motion as scans correct it, asked where there is a thing; without it the pose counts.
@@ -94,10 +96,7 @@ class MovingObstacles:
             return NOWHERE  # the usual case
         if len(things) > MAX_THINGS:
             things = sorted(things, key=lambda thing: float(view.ranges_m[thing[0]]))[:MAX_THINGS]
-        look = ScanLook(view, complex(pose.x_m, pose.y_m), cmath.rect(1.0, pose.yaw_rad))
-        if told is not None:
-            here, _, self._sure, _ = told()
-            look = ScanLook(view, here.at_m, here.turn)
+        look = self._look_from(view, pose, told)
         bounds = self._bounds(abs(pose.speed_mps), slow=slow)
         fresh: list[ObstacleTrack] = []
         strips: list[Places] = []
@@ -118,9 +117,14 @@ class MovingObstacles:
         self._tracks = fresh + [
             track for track in self._tracks if stamp_s - track.seen_s <= (CARRIED_S if track.moves else forgotten_s)
         ]
-        self.any_moves = bool(strips)
-        self._look = look
+        self.any_moves, self._look = bool(strips), look
         return np.concatenate(strips) if strips else NOWHERE
+
+    def _look_from(self, view: View, pose: OdometryState, told: Motion | None) -> ScanLook:
+        if told is None:
+            return ScanLook(view, complex(pose.x_m, pose.y_m), cmath.rect(1.0, pose.yaw_rad))
+        here, _, self._sure, _ = told()
+        return ScanLook(view, here.at_m, here.turn)
 
     def moving(self, *, stood: bool) -> list[ObstacleTrack]:
         """Return the tracks seen at the last update of what moves; stood: the car has not moved for STOOD_S.
