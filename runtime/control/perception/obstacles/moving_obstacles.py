@@ -123,8 +123,9 @@ class MovingObstacles:
     def _look_from(self, view: View, pose: OdometryState, told: Motion | None) -> ScanLook:
         if told is None:
             return ScanLook(view, complex(pose.x_m, pose.y_m), cmath.rect(1.0, pose.yaw_rad))
-        here, _, self._sure, _ = told()
-        return ScanLook(view, here.at_m, here.turn)
+        motion = told()
+        self._sure = motion.sure
+        return ScanLook(view, motion.rolled.at_m, cmath.rect(1.0, motion.rolled.yaw_rad))
 
     def moving(self, *, stood: bool) -> list[ObstacleTrack]:
         """Return the tracks seen at the last update of what moves; stood: the car has not moved for STOOD_S.
