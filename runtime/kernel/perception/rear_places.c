@@ -51,8 +51,8 @@ KERNEL(expected_m) {
     if (!enough(count, 3, "expected_m") || !as_indices(given, 1, &beams) || !as_row(given[1], NPY_DOUBLE, &away) ||
         !as_row(given[2], NPY_DOUBLE, &at))
         return NULL;
-    if (away.count != at.count || beams < 0)
-        return PyErr_Format(PyExc_ValueError, "expected_m: arrays of different lengths");
+    if (away.count != at.count || beams < 0 || beams > 1 << 20) /* no lidar has so many: gigabytes, for seconds */
+        return PyErr_Format(PyExc_ValueError, "expected_m: arrays of different lengths, or too many beams");
     const beam aside = REAR_PLACES_EXPECTED_BEAMS;
     PyObject *answer = fresh(NPY_DOUBLE, beams);
     double *nearest = malloc((size_t)(beams + 2 * aside + 1) * sizeof *nearest);

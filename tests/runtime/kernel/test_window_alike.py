@@ -162,6 +162,8 @@ def test_places_of_different_lengths_and_beams_that_are_not_there_are_refused(co
             compiled["seen_again"](ones, beams, away_m, at_beam)
         with pytest.raises(ValueError, match="different lengths"):
             compiled["expected_m"](9, away_m, at_beam)
+    with pytest.raises(ValueError, match="too many beams"):
+        compiled["expected_m"](2**31, np.ones(3), np.ones(3))
     for wrong in (-1, 9):
         with pytest.raises(IndexError):
             compiled["seen_again"](ones, beams + wrong, ones, ones)
