@@ -1,6 +1,6 @@
 """A scan laid over the lines of a map by Gauss-Newton steps: how far it moves a pose, and how it fits there.
 
-180 beams take 0.02 ms in C, and 0.4 ms in numpy.
+180 beams take 0.01 ms in C, and 0.3 ms in numpy.
 """
 
 import cmath

@@ -60,8 +60,8 @@ class OwnMotion(NamedTuple):
 
     sure: whether the last scan told its shift to the side and its turn, so that lateral motions of half the usual size
     can be told from errors of the odometry. trim_rad: the learnt true angle of wheels that are told to be straight.
-    rolled: the place by the wheels' present angle from `before`, without slip and lag. On a real car, whose servo lags
-    less than is assumed, that errs by less at once: 0.005 rad instead of 0.024 from scan to scan.
+    rolled: the place by the wheels' present angle from `before`, without slip and lag: on a real car the assumed lag
+    erred by up to 0.024 rad from scan to scan, in which what stands walks.
     """
 
     here: DrivenPlace
@@ -93,8 +93,8 @@ class MatchedOdometry:
         """Return the motion to this scan."""
         if motor is not None and not math.isfinite(motor.distance_m + motor.speed_mps + motor.steering_rad):
             motor = None
-        self._before, told_rad = self._here, self._told_rad
-        before = self._before
+        before, told_rad = self._here, self._told_rad
+        self._before = before
         self._since_s = stamp_s - before.stamp_s
         self._speed_mps, self._told_rad, way_m, turn_radps = 0.0, math.nan, before.way_m, 0.0
         if motor is not None:
