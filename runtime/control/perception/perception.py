@@ -5,7 +5,6 @@ it. What the answer does not need is learnt when the answer is on the wire (`lea
 Nothing here judges: what a car may do with a percept is the laws' matter.
 """
 
-import functools
 import math
 from collections.abc import Callable
 
@@ -139,7 +138,7 @@ class Perception:
         lost = motor is None or self._speed.slides
         if lost:
             self._slid_s = scan.stamp_s
-        told = functools.cache(functools.partial(self.matched.look, scan.stamp_s, motor))
+        told = self.matched.later(scan.stamp_s, motor)
         movers_m = self.movers.update(view, pose, scan.stamp_s, told, sliding=lost)
         thin_m = self.thin.update(view, pose, scan.stamp_s)
         unseen_m = np.concatenate([movers_m, thin_m]) if movers_m.size or thin_m.size else NOWHERE

@@ -89,6 +89,10 @@ class MatchedOdometry:
         self._sure = False
         self._key: tuple[Surfaces, ScanPose, float] | None = None
 
+    def later(self, stamp_s: float, motor: MotorState | None) -> "ToldLater":
+        """Return what tells the motion to this scan when it is asked; to be asked before `learn`."""
+        return ToldLater(self, stamp_s, motor)
+
     def look(self, stamp_s: float, motor: MotorState | None) -> OwnMotion:
         """Return the motion to this scan."""
         if motor is not None and not math.isfinite(motor.distance_m + motor.speed_mps + motor.steering_rad):
@@ -173,3 +177,21 @@ class MatchedOdometry:
         moved = self._here.pose.seen_from(key_pose)
         near = abs(moved.at_m) < most_m and abs(math.remainder(moved.yaw_rad, math.tau)) < most_rad
         return near and 0.0 <= self._here.stamp_s - key_s < KEYFRAME_S
+
+
+class ToldLater:
+    """The motion to one scan, computed once, when it is first asked for."""
+
+    __slots__ = ("_motion", "_motor", "_odometry", "_stamp_s")
+
+    def __init__(self, odometry: MatchedOdometry, stamp_s: float, motor: MotorState | None) -> None:
+        self._odometry = odometry
+        self._stamp_s = stamp_s
+        self._motor = motor
+        self._motion: OwnMotion | None = None
+
+    def __call__(self) -> OwnMotion:
+        """Return it."""
+        if self._motion is None:
+            self._motion = self._odometry.look(self._stamp_s, self._motor)
+        return self._motion
