@@ -106,6 +106,7 @@ KERNEL(seen_again);
 KERNEL(expected_m);
 KERNEL(watch_sectors);
 KERNEL(lay_on_lines);
+KERNEL(ends_of_beams);
 KERNEL(beside_path_m);
 KERNEL(sweep_path);
 KERNEL(slide_room_m);

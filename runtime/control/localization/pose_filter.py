@@ -35,6 +35,8 @@ SCALE_WALK, SLIP_WALK_S2PM = 1e-4, 1e-4
 """Standard deviations of the car's errors at first, and by how much they change from scan to scan."""
 LEAN_STD_RAD, LEAN_WALK_RAD = 0.03, 0.005
 """The same of the steering, whose error changes from bend to bend. Left out, it leans the turn, and that the slip."""
+UNMOVED: Final = np.eye(7)
+"""How the states move where nothing does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +122,7 @@ class PoseFilter:
         self.state[:4] += (dx_m, dy_m, turn_rad, change_radps)
         by_turn = (1.0 - 0.5 * follows) * step.since_s
         by_lean = follows * scale * step.speed_mps / self._wheelbase_m
-        moves = np.eye(7)
+        moves = UNMOVED.copy()
         moves[0, 2], moves[1, 2] = -dy_m, dx_m
         moves[0, 3], moves[1, 3], moves[2, 3] = -0.5 * by_turn * dy_m, 0.5 * by_turn * dx_m, by_turn
         moves[3, 3], moves[2, 6], moves[3, 6] = 1.0 - follows, 0.5 * by_lean * step.since_s, by_lean

@@ -8,7 +8,7 @@ import numpy as np
 
 from wallride.runtime.calibration.scan_motion import ReferenceScan
 from wallride.runtime.control.localization.line_field import LineField
-from wallride.runtime.control.localization.scan_points import ScanPoints
+from wallride.runtime.control.localization.scan_points import AxleMotion, Beams, ScanPoints
 from wallride.runtime.control.perception.motion.scan_matching import ScanPose, Surfaces
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.window_dirt import Evidence, LearningShares
@@ -27,6 +27,11 @@ def _laying(ends_m, ahead, alone, near, far, normals, offsets_m, free, *numbers)
     corner_m = complex(corner_x_m, corner_y_m)
     field = LineField(corner_m, cell_m, rows, columns, near, far, normals, offsets_m, free)
     return field, points, tuple(pose), np.reshape(before, (3, 3)), np.reshape(prior, (3, 3))
+
+
+def _looked_at(ranges_m, ahead, age_s, farthest_m, step_rad, lidar_x_m, lidar_y_m, *motion):
+    scan = SimpleNamespace(ranges_m=ranges_m, range_max_m=farthest_m, angle_step_rad=step_rad)
+    return scan, Beams(1, ahead, age_s), complex(lidar_x_m, lidar_y_m), AxleMotion(*motion)
 
 
 def _matched(x_m, y_m, ranges_m, solid, *numbers):
@@ -140,6 +145,7 @@ def _rollouts(points_m, steering_rad, brake_mps2, grip_mps2, past_rad, coming_ra
 STRUCTURES: dict[str, Callable[..., Any]] = {
     "fit_wall_line": _fit,
     "lay_on_lines": _laying,
+    "ends_of_beams": _looked_at,
     "match_scan": _matched,
     "lay_over": _laid_over,
     "find_followed_wall": _wall,

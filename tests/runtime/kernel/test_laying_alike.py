@@ -95,6 +95,27 @@ def test_a_field_that_is_none_is_refused(compiled, seen):
         compiled["lay_on_lines"](*(row[:0] for row in given_[:3]), *given_[3:17], (0.0,) * 9)
 
 
+@settings(max_examples=150)
+@given(
+    seed=st.integers(0, 2**32),
+    beams=st.sampled_from([0, 1, 2, 180]),
+    moves=st.tuples(*[st.sampled_from([0.0, 2.0, -1.0, math.nan])] * 3),
+    step_rad=st.sampled_from([0.0, 0.004, 0.03, 1.0]),
+    farthest_m=st.sampled_from([15.0, 4.0, 0.0]),
+)
+def test_any_beams_end_alike(compiled, seed, beams, moves, step_rad, farthest_m):
+    random = np.random.default_rng(seed)
+    steps_m = random.choice([0.0, 0.0, 0.0, 0.29, 0.31, -0.4, 3.0, -3.0, math.nan, math.inf], beams)
+    ranges_m = np.abs(random.choice([0.1, 0.5, 2.0]) + np.cumsum(np.where(np.isfinite(steps_m), steps_m, 0.0)))
+    ranges_m = np.where(np.isfinite(steps_m), ranges_m, steps_m).astype(np.float32)
+    ahead = np.exp(1j * random.uniform(-2.0, 2.0, beams))
+    given_ = ranges_m, ahead, random.random(beams), farthest_m, step_rad, 0.27, -0.02, *moves
+    assert_same("ends_of_beams", PYTHON["ends_of_beams"](*given_), compiled["ends_of_beams"](*given_))
+    for place in range(3):
+        with pytest.raises(ValueError, match="different lengths"):
+            compiled["ends_of_beams"](*given_[:place], np.zeros(beams + 1, given_[place].dtype), *given_[place + 1 :])
+
+
 @given(st.integers(0, 2**32), st.sampled_from([1, 7, 5000]), st.sampled_from([0, 1, 60]))
 def test_any_place_is_scored_alike(compiled, seed, cells, beams):
     random = np.random.default_rng(seed)
