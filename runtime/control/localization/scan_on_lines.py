@@ -34,27 +34,29 @@ Laying = tuple[Numbers, Numbers, tuple[int, int], float]
 space before one, and the ratio of the information in the two directions of the plane."""
 
 
-def _flat_laying(field: LineField, points: ScanPoints, pose: Numbers, before: Floats, prior: Floats) -> tuple[Any, ...]:
+def _flat_laying(
+    field: LineField, points: ScanPoints, pose: Numbers, before: Numbers, prior: Numbers
+) -> tuple[Any, ...]:
     return (
         points.places_m, points.ahead, points.alone, field.near, field.far, field.normals, field.offsets_m, field.free,
         field.corner_m.real, field.corner_m.imag, field.cell_m, field.rows, field.columns, *pose,
-        tuple(before.ravel().tolist()), tuple(prior.ravel().tolist()),
+        before, prior,
     )  # fmt: skip
 
 
 @accelerated(flat=_flat_laying)
-def lay_on_lines(field: LineField, points: ScanPoints, pose: Numbers, before: Floats, prior: Floats) -> Laying:
-    """Return the `Laying` of a scan. before: the pose's covariance (3, 3); prior: its inverse."""
-    told = np.array(pose)
+def lay_on_lines(field: LineField, points: ScanPoints, pose: Numbers, before: Numbers, prior: Numbers) -> Laying:
+    """Return the `Laying` of a scan. before: the pose's covariance, prior: its inverse, (9,) by rows."""
+    told, inverse_of = np.array(pose), np.reshape(prior, (3, 3))
     moved = np.zeros(3)
     laid = _Laid.at(field, points, told)
-    doubt_m2 = 4.0 * np.einsum("ij,ij->j", laid.slopes, before @ laid.slopes)
+    doubt_m2 = 4.0 * np.einsum("ij,ij->j", laid.slopes, np.reshape(before, (3, 3)) @ laid.slopes)
     doubt_m2[points.alone] = 0.0
     kernel_m2 = KERNEL_M**2 + doubt_m2
     information, determined = np.zeros((3, 3)), 0.0
     for _ in range(STEPS):
         information, pull, determined = laid.information(kernel_m2)
-        move = np.linalg.solve(prior + information, -(pull + prior @ moved))
+        move = np.linalg.solve(inverse_of + information, -(pull + inverse_of @ moved))
         moved += move
         laid = _Laid.at(field, points, told + moved)
         if abs(move[0]) + abs(move[1]) < ENOUGH_M and abs(move[2]) < ENOUGH_RAD:

@@ -26,7 +26,7 @@ def _laying(ends_m, ahead, alone, near, far, normals, offsets_m, free, *numbers)
     points = ScanPoints(ends_m, ahead, alone)
     corner_m = complex(corner_x_m, corner_y_m)
     field = LineField(corner_m, cell_m, rows, columns, near, far, normals, offsets_m, free)
-    return field, points, tuple(pose), np.reshape(before, (3, 3)), np.reshape(prior, (3, 3))
+    return field, points, tuple(pose), before, prior
 
 
 def _looked_at(ranges_m, ahead, age_s, farthest_m, step_rad, lidar_x_m, lidar_y_m, *motion):

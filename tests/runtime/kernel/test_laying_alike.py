@@ -14,7 +14,7 @@ from wallride.drivers.accelerated import FUNCTIONS
 from wallride.runtime.calibration.scan_motion import ReferenceScan
 from wallride.runtime.calibration.stop_match import surfaces
 from wallride.runtime.control.localization.line_field import field_of_cells
-from wallride.runtime.control.localization.pose_filter import PoseFilter
+from wallride.runtime.control.localization.pose_filter import PoseFilter, inverse
 from wallride.runtime.control.localization.scan_points import AxleMotion, scan_points
 from wallride.runtime.control.perception.motion.scan_matching import DRIFT, SLIDE, ScanPose, surfaces_of
 from wallride.sim.world.worlds import load_world
@@ -40,7 +40,8 @@ def arguments(one, off, std):
     covariance = np.diag(np.square(std))
     covariance[0, 1] = covariance[1, 0] = 0.4 * std[0] * std[1]
     at = tuple((np.array(pose) + off).tolist())
-    return FUNCTIONS["lay_on_lines"].flat(field, points, at, covariance, np.linalg.inv(covariance))
+    before = tuple(covariance.ravel().tolist())
+    return FUNCTIONS["lay_on_lines"].flat(field, points, at, before, inverse(before))
 
 
 @settings(max_examples=150)

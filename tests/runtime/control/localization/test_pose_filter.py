@@ -7,7 +7,7 @@ import pytest
 
 from tests.runtime.control.localization.rooms import BEAMS, LIDAR_M, corridor, ring
 from wallride.runtime.control.localization.line_field import field_of_cells
-from wallride.runtime.control.localization.pose_filter import PoseFilter, WheelStep
+from wallride.runtime.control.localization.pose_filter import PoseFilter, WheelStep, inverse
 from wallride.runtime.control.localization.scan_on_lines import WEAK_SHARE
 from wallride.runtime.control.localization.scan_points import AxleMotion, scan_points
 
@@ -143,3 +143,11 @@ def test_a_scan_without_beams_leaves_the_prediction(ringed):
     fit = filter_.correct(points(room, (9.6, 0.2, 0.4), keep=np.zeros(BEAMS, bool)))
     assert filter_.state == pytest.approx(before)
     assert math.isnan(fit.share)
+
+
+@pytest.mark.parametrize("std", [(0.3, 0.3, 0.05), (2.0, 0.003, 0.002), (1e-3, 0.5, 0.1)])
+def test_a_covariance_is_inverted(std):
+    turned = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.1], [0.0, -0.1, 1.0]])
+    covariance = turned @ np.diag(np.square(std)) @ turned.T
+    inverted = np.reshape(inverse(tuple(covariance.ravel().tolist())), (3, 3))
+    assert inverted @ covariance == pytest.approx(np.eye(3), abs=1e-6)
