@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 
 from wallride.drivers.value import value
+from wallride.runtime.control.perception.geometry import quantile
 
 FALLS_MPS2: Final = 5.4
 """The set speed of a VESC falls by this much in a second; braking by hand of safety is faster."""
@@ -68,7 +69,7 @@ class LapMemory:
             return False
         errors_m, took_s = np.array(self._errors_m), stamp_s - self.since_s
         self.last = LapErrors(
-            self.last.laps + 1, took_s, float(np.sqrt(np.mean(errors_m**2))), float(np.percentile(errors_m, 99)),
+            self.last.laps + 1, took_s, float(np.sqrt(np.mean(errors_m**2))), quantile(errors_m, 0.99),
             float(errors_m.max()), float(np.fmin(took_s, self.last.best_s)),
             tuple(map(float, np.diff([self.since_s, *self._splits_s]))),
         )  # fmt: skip

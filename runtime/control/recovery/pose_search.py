@@ -242,7 +242,7 @@ class PoseSearch:
                 fits = free[0, back, cell] | (presses[good] & free[1, back, cell])
                 turns = (some.way[good] == -way) * CUSP_COSTS + (some.steering[good] != steering) * STEERING_COSTS
                 costs = cost + turns + (BACKWARD_COSTS if back else FORWARD_COSTS)
-                for value in np.unique(costs[fits]).tolist():
+                for value in sorted(set(costs[fits].tolist())):
                     waiting[value].append(poses.some(np.flatnonzero(fits & (costs == value))))
 
     def _driven_off(self, some: _Poses, free: Booleans, cost: int, count: int) -> tuple[float, int]:
