@@ -107,16 +107,14 @@ class CourseLine:
     def ahead(self, along_m: float, ways_m: Floats) -> tuple[Places, Places, Floats]:
         """Return points, directions (of about unit length) and speeds at ways ahead of a place, (n,) each."""
         at_m = (along_m + ways_m) % self.length_m
-        number = np.searchsorted(self.along_m, at_m, side="right") - 1
+        number = self.along_m.searchsorted(at_m, side="right") - 1
         after = (number + 1) % self.along_m.size
         begin_m, step_m = self.along_m[number], (self.along_m[after] - self.along_m[number]) % self.length_m
         share = np.minimum(1.0, (at_m - begin_m) / np.maximum(step_m, 1e-9))
-        directions = np.exp(1j * self.yaw_rad)
-        places, ways, speeds = (
-            values[number] + share * (values[after] - values[number])
-            for values in (self.places_m, directions, self.speed_mps)
-        )
-        return places, ways, speeds
+        begins, ends = (np.exp(1j * self.yaw_rad[some]) for some in (number, after))
+        places = self.places_m[number] + share * (self.places_m[after] - self.places_m[number])
+        speeds = self.speed_mps[number] + share * (self.speed_mps[after] - self.speed_mps[number])
+        return places, begins + share * (ends - begins), speeds
 
     def _between(self, values: Floats, along_m: float) -> float:
         number, share = self._before(along_m)

@@ -3,6 +3,7 @@
 A promise that is not believed is judged by the arc of the present steering, as every other command.
 """
 
+import cmath
 import math
 from typing import NamedTuple
 
@@ -183,7 +184,7 @@ def _judged(
     if hidden_m < look_m:
         cap_m, cap_mps = np.append(cap_m, max(0.0, hidden_m - HIDDEN_SPARE_M)), np.append(cap_mps, 0.0)
     middle_m = way.path.place_m[min(way.path.place_m.size - 1, int(look_m / 2 / STEP_M))]
-    return JudgedWay(way, margin_m, found, float(np.angle(middle_m)), cap_m, cap_mps)
+    return JudgedWay(way, margin_m, found, cmath.phase(middle_m), cap_m, cap_mps)
 
 
 def _roadworthy(strip: Strip) -> Roadworthy:
@@ -217,7 +218,7 @@ def _leads_elsewhere(way: PromisedWay, car: Roadworthy, steering_rad: float, mar
 
 def _braking_room_m(strip: Strip, way: PromisedWay, look_m: float) -> tuple[Floats, Floats]:
     """Return ways along the promised part (k,), and how far the nose may slide straight on from each (k,)."""
-    count = int(np.searchsorted(way.path.travel_m, min(look_m, way.promised_m), side="right"))
+    count = int(way.path.travel_m.searchsorted(min(look_m, way.promised_m), side="right"))
     some = slice(0, max(1, count), EACH)
     points_m = strip.points_ahead_m()
     travel_m = way.path.travel_m[some]
@@ -232,12 +233,13 @@ def _hidden_m(view: View, way: PromisedWay, front_m: float) -> float:
     """Return the way to where the nose would be behind something that is seen; infinity without such a place."""
     scan = view.scan
     nose = way.path.place_m + front_m * way.path.heading - view.lidar_m
-    beams = np.round((np.angle(nose) - scan.angle_min_rad) / scan.angle_step_rad).astype(np.int64)
+    bearings_rad = np.arctan2(nose.imag, nose.real)
+    beams = np.rint((bearings_rad - scan.angle_min_rad) / scan.angle_step_rad).astype(np.int64)
     width = max(1, round(SIGHT_RAD / abs(scan.angle_step_rad)))
     window = beams[:, None] + np.arange(-width, width + 1)
     outside = (window < 0) | (window >= view.ranges_m.size)
-    ranges_m = view.ranges_m[np.clip(window, 0, view.ranges_m.size - 1)]
+    ranges_m = view.ranges_m.take(window, mode="clip")
     nearer = (ranges_m < (np.abs(nose) - SIGHT_SPARE_M)[:, None]) | outside  # NaN is no echo: the law of visibility
-    hidden = np.count_nonzero(nearer, axis=1) > width
+    hidden = nearer.sum(axis=1) > width
     first = int(hidden.argmax())
     return float(way.path.travel_m[first]) if hidden[first] else math.inf

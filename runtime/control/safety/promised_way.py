@@ -107,20 +107,21 @@ def way_of(places_m: Places, speed_mps: Floats, car: Roadworthy, look_m: float) 
     along_m, places_m, speed_mps = cut
     chords = places_m[1:] - places_m[:-1]
     middle_m, angle_rad = (along_m[1:] + along_m[:-1]) / 2, np.empty(chords.size)
-    angle_rad[0] = np.angle(chords[0])
+    angle_rad[0] = cmath.phase(chords[0])
     if abs(angle_rad[0]) > HERE_RAD:
         return Unbelievable(NOT_HERE)
     bend_per_m, vertex_m = np.zeros(1), middle_m
     if chords.size > 1:
-        turned_rad = np.angle(chords[1:] * chords[:-1].conj())
+        turns = chords[1:] * chords[:-1].conj()
+        turned_rad = np.arctan2(turns.imag, turns.real)
         angle_rad[1:] = angle_rad[0] + turned_rad.cumsum()
         bend_per_m, vertex_m = turned_rad / (middle_m[1:] - middle_m[:-1]), along_m[1:-1]
     promised_m = float(along_m[-1])
     travel_m = STEP_M * np.arange(1, max(2, math.ceil(max(look_m, promised_m) / STEP_M) + 1), dtype=np.float64)
-    within = int(np.searchsorted(travel_m, promised_m, side="right"))
+    within = int(travel_m.searchsorted(promised_m, side="right"))
     course_rad = np.interp(travel_m, middle_m, angle_rad)
     curvature = np.interp(travel_m, vertex_m, bend_per_m)
-    beyond = int(np.searchsorted(travel_m, middle_m[-1]))  # from here on the last curvature turns the course
+    beyond = int(travel_m.searchsorted(middle_m[-1]))  # from here on the last curvature turns the course
     course_rad[beyond:] += curvature[beyond:] * (travel_m[beyond:] - middle_m[-1])
     place_m = np.empty(travel_m.size, np.complex128)
     place_m[:within] = np.interp(travel_m[:within], along_m, places_m)
@@ -142,8 +143,9 @@ def _from_here(places_m: Places, speed_mps: Floats) -> tuple[Floats, Places, Flo
         return Unbelievable(GAPS)
     along_m = np.zeros(places_m.size)
     gaps_m.cumsum(out=along_m[1:])
-    near = max(1, int(np.searchsorted(along_m[1:], AHEAD_M)))
-    share = np.clip(-(places_m[:-1] * chords.conj()).real[:near] / gaps_m[:near] ** 2, 0.0, 1.0)
+    near = max(1, int(along_m[1:].searchsorted(AHEAD_M)))
+    share = -(places_m[:-1] * chords.conj()).real[:near] / gaps_m[:near] ** 2
+    share = np.minimum(np.maximum(share, 0.0), 1.0)
     off_m = np.abs(places_m[:-1][:near] + share * chords[:near])
     first = int(off_m.argmin())
     if off_m[first] > HERE_M:
@@ -183,6 +185,6 @@ def _driven(way: PromisedWay, car: Roadworthy, within: int) -> PromisedWay | Unb
     beyond = np.abs(wheel_rad).max() > car.most_rad + WHEEL_SPARE_RAD
     if beyond or (wheel_rad > most_rad + WHEEL_SPARE_RAD).any() or (wheel_rad < least_rad - WHEEL_SPARE_RAD).any():
         return Unbelievable(CANNOT_STEER)
-    slip_rad = np.clip(aside_mps2, -car.grip_mps2, car.grip_mps2) * car.slip_rad_per_mps2
+    slip_rad = np.minimum(np.maximum(aside_mps2, -car.grip_mps2), car.grip_mps2) * car.slip_rad_per_mps2
     path = AxlePath(way.path.travel_m, way.path.place_m, way.course * np.exp(1j * slip_rad), curvature)
     return PromisedWay(path, way.course, speeds_mps, way.promised_m)
