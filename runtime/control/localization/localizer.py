@@ -82,7 +82,9 @@ class Localizer:
         self._search_parts = search_parts
         self._starts = [] if start is None else [start]
         self._is_first_search, self._began_m = True, math.nan  # what the wheels reported at first
+        self._field = field
         self._filter = PoseFilter(field, car.wheelbase_m, scale)
+        self._told: tuple[Place, PoseFilter] | None = None  # the place that was told, followed while it is doubted
         self._wheels = WheelSteps(car.steering_rate_radps)
         self._search = PlaceSearch(field, car.wheelbase_m)
         self._searching: Iterator[list[Place] | None] | None = None
@@ -172,7 +174,7 @@ class Localizer:
         return len(self._misfits) == LOST_SCANS and all(self._misfits)
 
     def _lose(self) -> None:
-        self._whereabouts, self._searching, self._alike = Whereabouts.LOST, None, ()
+        self._whereabouts, self._searching, self._alike, self._told = Whereabouts.LOST, None, (), None
         self._rest_until = (-math.inf, 0.0)
 
     def _estimate(self, scan: Scan, share: float) -> PoseEstimate:
@@ -191,6 +193,9 @@ class Localizer:
         way_m = self._filter.scale * step.way_m
         turn_rad = way_m * math.tan(step.steering_rad or 0.0) / self._car.wheelbase_m
         self._odometry = (place + way_m * cmath.exp(1j * (yaw_rad + 0.5 * turn_rad)), yaw_rad + turn_rad)
+        if self._told is not None:
+            self._told[1].predict(step)
+            self._told[1].correct(points)
         if self._searching is None:
             if points.places_m.size < LEAST_BEAMS or not self._may_search(scan):
                 return self._unknown(scan)
@@ -215,12 +220,14 @@ class Localizer:
         is_first, self._is_first_search = self._is_first_search, False
         if is_first and near and near[0].score >= SURE_SCORE:
             yield near[:1]
+        self._told = (near[0], self._placed(near[0])) if near else None
         for found in self._search.anywhere(points):
             is_told = found and near and near[0].score >= ALIKE * found[0].score
             yield near[:1] if is_told else found
 
     def _found(self, scan: Scan, places: list[Place]) -> PoseEstimate:
         """Take the one place that was found, or say which are alike."""
+        told, self._told = self._told, None
         likely = [place for place in places if place.score >= max(FOUND_SCORE, ALIKE * places[0].score)]
         if len(likely) != 1:
             if self._whereabouts is not Whereabouts.LOST or likely:
@@ -228,17 +235,25 @@ class Localizer:
             self._alike = tuple((place.x_m, place.y_m, place.yaw_rad) for place in likely)
             self._rest_until = (scan.stamp_s + AGAIN_S, AGAIN_M)
             return self._unknown(scan)
-        moved, turned_rad = self._odometry
-        there = complex(likely[0].x_m, likely[0].y_m) + moved * cmath.exp(1j * likely[0].yaw_rad)
-        blur_m = PLACED_M + 0.1 * abs(moved)
-        self._filter.place(
-            there.real, there.imag, likely[0].yaw_rad + turned_rad, blur_m, PLACED_RAD + 0.1 * abs(turned_rad)
-        )
+        if told is not None and likely[0] is told[0]:
+            self._filter = told[1]
+        else:
+            moved, turned_rad = self._odometry
+            there = complex(likely[0].x_m, likely[0].y_m) + moved * cmath.exp(1j * likely[0].yaw_rad)
+            blur_m = PLACED_M + 0.1 * abs(moved)
+            self._filter.place(
+                there.real, there.imag, likely[0].yaw_rad + turned_rad, blur_m, PLACED_RAD + 0.1 * abs(turned_rad)
+            )
         self._whereabouts, self._alike = Whereabouts.LOCATED, ()
         self._misfits.clear()
         self._turns.begin()
         self._speed_mps = 0.0
         return self._estimate(scan, likely[0].score)
+
+    def _placed(self, place: Place) -> PoseFilter:
+        followed = PoseFilter(self._field, self._car.wheelbase_m, self._filter.scale)
+        followed.place(place.x_m, place.y_m, place.yaw_rad, PLACED_M, PLACED_RAD)
+        return followed
 
     def _unknown(self, scan: Scan) -> PoseEstimate:
         return PoseEstimate(scan.stamp_s, self._whereabouts, alike=self._alike)
