@@ -48,7 +48,7 @@ TURNING_SHARE = 0.3
 the odometry."""
 TURNING_FADES = 0.95
 SURE_MOVED_M, SURE_SEEN_SCANS = 0.1, 6
-SURE_SPEED_MPS, SURE_SPEED_SHARE, SURE_TURNING_SHARE = 0.2, 0.03, 0.12
+SURE_SPEED_MPS, SURE_SPEED_SHARE, SURE_TURNING_SHARE = 0.2, 0.03, 0.04
 """The same for a motion aside while scan matching corrects the odometry."""
 AHEAD_S = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
 STOOD_S = 1.5

@@ -32,6 +32,8 @@ KEPT_SHARE = 0.5
 SAME_PLACE_M = 0.1
 """Maximum distance of a return from a place that counts as occupying it."""
 MAX_OF_THREE = 2
+LEFT_SCANS = 8
+"""Minimum number of scans of an object whose new place was hidden before."""
 
 Edges = tuple[complex, complex]
 """Right and left edge of an object."""
@@ -196,14 +198,20 @@ class ObstacleTrack:
         return (self.velocity_mps * toward.conjugate()).real
 
     def _has_moved(self, toward: complex, look: ScanLook, moved_m: float) -> bool:
-        """Return whether both edges have moved that far in that direction, from a place now free to one free before."""
+        """Return whether both edges have moved that far in that direction, from a place now free to one free before.
+
+        Or hidden before, as from round a bend: then all of the old place has to be free now.
+        """
         along = toward.conjugate()  # the real part of a product with it is the part of a vector in this direction
         edges = zip(self.edges_m, self.before.edges_m, strict=True)
         if not all(((now - then) * along).real > moved_m for now, then in edges):
             return False
         came_from = min(self.before.edges_m, key=lambda edge: (edge * along).real)
         came_to = max(self.newest_m, key=lambda edge: (edge * along).real)
-        return not look.is_occupied(came_from) and self.before.look.is_free(came_to)
+        if self.before.look.is_free(came_to):
+            return not look.is_occupied(came_from)
+        was_hidden = self.scans >= LEFT_SCANS and not self.before.look.is_occupied(came_to)
+        return was_hidden and all(look.is_free(edge_m) for edge_m in self.before.edges_m)
 
 
 def _gains(scans: int) -> tuple[float, float]:

@@ -7,6 +7,8 @@ import pytest
 
 from wallride.drivers.api import Scan
 from wallride.runtime.control.perception.geometry import NOWHERE
+from wallride.runtime.control.perception.motion.own_motion import DrivenPlace, OwnMotion
+from wallride.runtime.control.perception.motion.scan_matching import ScanPose
 from wallride.runtime.control.perception.obstacles.moving_obstacles import (
     CARRIED_S,
     MAX_THINGS,
@@ -23,6 +25,7 @@ CAR = CarSettings()
 STEP_RAD = math.radians(0.25)
 BEARING_RAD = STEP_RAD * (np.arange(1081) - 540)
 SCAN_S = 0.025
+NO_PLACE = DrivenPlace(0.0, 0j, 1 + 0j, 0.0, 0.0)
 
 
 def circle(x_m, y_m, radius_m=0.2):
@@ -210,6 +213,29 @@ def test_what_appears_beside_a_thing_that_is_still_there_has_not_walked_there():
 def test_who_walks_comes_to_where_nothing_was():
     assert by_turns([(RIGHT, 2.0), (LEFT, math.nan)], [(RIGHT, math.nan), (LEFT, 2.0)]) > 0
     assert by_turns([(RIGHT, 2.0), (slice(570, 573), 2.0)], [(RIGHT, math.nan), (LEFT, 2.0)]) == 0
+
+
+def test_what_was_hidden_before_has_walked_once_all_of_its_old_place_is_free():
+    """As a box that crosses behind a bend's inner wall: the place to which it comes was in sight of no earlier scan."""
+    inner_wall = slice(560, 580), 1.0
+    assert by_turns([(RIGHT, 2.0), inner_wall], [(LEFT, 2.0)]) > 0
+    assert by_turns([(RIGHT, 2.0), inner_wall], [(slice(543, 546), 2.0), (LEFT, 2.0)]) == 0
+    assert by_turns([(RIGHT, 2.0), inner_wall], [inner_wall]) == 0
+
+
+@pytest.mark.parametrize(("crosses_mps", "seen"), [(0.0, False), (0.8, True), (-0.8, True)])
+def test_a_car_in_a_bend_tells_what_crosses_by_odometry_that_scans_correct(crosses_mps, seen):
+    movers, rng, most = MovingObstacles(), np.random.default_rng(3), 0
+    for step in range(24):
+        now_s = step * SCAN_S
+        yaw_rad = 2.0 * now_s - 0.6
+        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+        x_m, y_m = 4.0, crosses_mps * (now_s - 0.3)
+        ranges_m = circle(cos * x_m + sin * y_m, cos * y_m - sin * x_m) + rng.normal(0.0, 0.01, 1081)
+        moved = OwnMotion(NO_PLACE, NO_PLACE, sure=True, trim_rad=0.0, rolled=ScanPose(0j, yaw_rad))
+        pose = OdometryState(0.0, 0.0, yaw_rad, 4.0, 2.0)
+        most = max(most, movers.update(see(ranges_m), pose, now_s, lambda moved=moved: moved).size)
+    assert (most > 0) == seen
 
 
 def things(view):
