@@ -47,7 +47,7 @@ def _flat_laying(
 @accelerated(flat=_flat_laying)
 def lay_on_lines(field: LineField, points: ScanPoints, pose: Numbers, before: Numbers, prior: Numbers) -> Laying:
     """Return the `Laying` of a scan. before: the pose's covariance, prior: its inverse, (9,) by rows."""
-    told, inverse_of = np.array(pose), np.reshape(prior, (3, 3))
+    told, certain = np.array(pose), np.reshape(prior, (3, 3))
     moved = np.zeros(3)
     laid = _Laid.at(field, points, told)
     doubt_m2 = 4.0 * np.einsum("ij,ij->j", laid.slopes, np.reshape(before, (3, 3)) @ laid.slopes)
@@ -56,7 +56,7 @@ def lay_on_lines(field: LineField, points: ScanPoints, pose: Numbers, before: Nu
     information, determined = np.zeros((3, 3)), 0.0
     for _ in range(STEPS):
         information, pull, determined = laid.information(kernel_m2)
-        move = np.linalg.solve(inverse_of + information, -(pull + inverse_of @ moved))
+        move = np.linalg.solve(certain + information, -(pull + certain @ moved))
         moved += move
         laid = _Laid.at(field, points, told + moved)
         if abs(move[0]) + abs(move[1]) < ENOUGH_M and abs(move[2]) < ENOUGH_RAD:

@@ -5,7 +5,7 @@ new object is known to 0.1 m/s after a quarter of a second, and that of an old o
 
 An object moves if it is faster than the error of the odometry, with both of its edges: of a wall's end that comes into
 view only one edge moves. And the beams must agree: its earlier place is free now, and at its present place nothing was
-seen before (Wang, Thorpe & Thrun 2003). Two table legs seen alternately are not a moving object.
+seen before (Wang, Thorpe & Thrun 2003), or it was hidden. Two table legs seen alternately are not a moving object.
 """
 
 import cmath
