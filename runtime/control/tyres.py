@@ -21,6 +21,9 @@ MOST_OTHER: Final = 1.7
 SLIPPERY: Final = 1.3
 """Ratio of the observed slip and the assumed one from which the floor has less grip: noise and tyres explain less."""
 
+SLOWEST_MPS: Final = 1.0
+"""Speed for rates below it: at a standstill they would be infinite."""
+
 TURN_LAG_S: Final = 0.1
 """Time in which the turn follows the wheels: servo, tyres and inertia."""
 
@@ -95,6 +98,11 @@ class Moving:
     speed_mps: float
     turn_radps: float
     trim_rad: float = 0.0
+
+    def slipped_rad(self, before_rad: float, since_s: float, tyres: Tyres) -> float:
+        """Return the slip of the rear axle, which follows a change of the turn with a lag. before_rad: earlier."""
+        follows = 1.0 - math.exp(-since_s * tyres.settles_radps(max(self.speed_mps, SLOWEST_MPS)))
+        return before_rad + follows * (tyres.rear_slip_rad(self.speed_mps * self.turn_radps) - before_rad)
 
     def later(self, in_s: float, steering_rad: float, tyres: Tyres) -> "Moving":
         """Return the car after a time. steering_rad: the angle that the wheels were told last."""

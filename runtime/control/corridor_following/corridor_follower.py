@@ -62,7 +62,7 @@ class CorridorFollower:
         self._ball = BallFollower(settings, car, perception.views)
         self._kept = KeptWay()
         self._here: DrivenPlace | None = None
-        self._told_rad = 0.0
+        self._told_rad = self._slip_rad = 0.0
         self._stamp_s = math.nan
         self._rests = 0
         self._stood_s, self._wall_m = 0.0, 0.0
@@ -73,7 +73,7 @@ class CorridorFollower:
         self._ball.tune(settings)
         if settings.side != self._settings.side:
             self._kept.forget()
-            self._told_rad = -self._told_rad
+            self._told_rad, self._slip_rad = -self._told_rad, -self._slip_rad
         self._settings = settings
 
     @property
@@ -97,7 +97,7 @@ class CorridorFollower:
         self._stand(motor.speed_mps if motor is not None else 0.0, since_s)
         seen = self._perception.look(scan, motor)
         self._carry(seen, since_s)
-        guidance = self._by_way(seen)
+        guidance = self._by_way(seen, since_s)
         if guidance is not None:
             guidance = replace(guidance, distance_m=by_ball.distance_m)
         else:
@@ -123,7 +123,7 @@ class CorridorFollower:
             turned_rad = self._side * cmath.phase(self._here.turn * last.turn.conjugate())
             self._kept.way = way.carried(moved_m, turned_rad)
 
-    def _by_way(self, seen: Percept) -> Guidance | None:
+    def _by_way(self, seen: Percept, since_s: float) -> Guidance | None:
         """Answer by a way between the borders, None where there is none."""
         scan, motor, tyres = seen.scan, seen.motor, self._tyres()
         self._rests = max(0, self._rests - 1)
@@ -137,6 +137,7 @@ class CorridorFollower:
             return None
         motion = seen.motion
         now = Moving(0j, 0.0, motor.speed_mps, self._side * motion.here.turn_radps, self._side * motion.trim_rad)
+        self._slip_rad = now.slipped_rad(self._slip_rad, since_s, tyres)
         self._line = line = self._line_of(way)
         return self._along(scan, now, line, line.nearest(0j, float(line.along_m[way.here])), tyres, way.seen)
 
@@ -192,9 +193,8 @@ class CorridorFollower:
 
     def _promise(self, stamp_s: float, now: Moving, line: CourseLine, on: OnLine, tyres: Tyres, seen: int) -> Promise:
         """Return the way back to the way and along it."""
-        course_rad = -tyres.rear_slip_rad(now.speed_mps * now.turn_radps)
         most_radpm = tyres.most_radpm(max(now.speed_mps, line_law.SLOWEST_MPS))
-        back = Return.of(on, course_rad, line_law.feedback_per_m(now.speed_mps, tyres), most_radpm)
+        back = Return.of(on, -self._slip_rad, line_law.feedback_per_m(now.speed_mps, tyres), most_radpm)
         needed_m = PROMISED_M + PROMISED_S * now.speed_mps + now.speed_mps**2 / (2.0 * PROMISED_MPS2)
         most_m = min(needed_m, float(line.along_m[min(seen, line.along_m.size - 1)]) - on.along_m)
         places, speeds_mps = way_ahead(line, back, (0j, 0.0), now.speed_mps, most_m)

@@ -19,7 +19,12 @@ from wallride.runtime.control.guidance import Guidance, Promise
 from wallride.runtime.control.line_following import line_law
 from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.line_following.joining import way_is_free
-from wallride.runtime.control.line_following.lap_correction import AT_SPEED, LapCorrection
+from wallride.runtime.control.line_following.lap_correction import (
+    AT_END_RAD,
+    AT_GRIP,
+    AT_SPEED,
+    LapCorrection,
+)
 from wallride.runtime.control.line_following.lap_memory import BuildUp, HeldBack, LapMemory
 from wallride.runtime.control.line_following.line_settings import LineFollowSettings
 from wallride.runtime.control.line_following.promising import Promises, Return, way_ahead
@@ -64,13 +69,13 @@ class LineFollower:
         self._wall = BallFollower(_of_wall(settings), car, eyes)
         line = self._line
         self._laps = LapMemory(line.length_m if line is not None else math.inf)
-        self._correction = LapCorrection(line.length_m if line is not None else 0.0)
+        self._correction = LapCorrection(line) if line is not None else None
         self._line_mps2 = line.aside_mps2 if line is not None else 0.0
         self._build_up = BuildUp(settings.first_lap_share, settings.faster_each_lap)
         self._held = HeldBack(car.max_acceleration_mps2)
         self._trim = SteeringTrim()
         self._promises = Promises()
-        self._told_rad = 0.0
+        self._told_rad = self._slip_rad = 0.0
         self._stamp_s = math.nan
         self._on: OnLine | None = None
         self._joined = False
@@ -154,11 +159,12 @@ class LineFollower:
         self, stamp_s: float, since_s: float, now: Moving, line: CourseLine, tyres: Tyres, scale: float
     ) -> Promise | None:
         """Return the way back to the line and along it; none while it joins."""
+        self._slip_rad = now.slipped_rad(self._slip_rad, since_s, tyres)
         on = self._on
         if on is None or not self._joined:
             self._promises.begin()
             return None
-        course_rad = now.yaw_rad - tyres.rear_slip_rad(now.speed_mps * now.turn_radps)
+        course_rad = now.yaw_rad - self._slip_rad
         most_radpm = tyres.most_radpm(max(now.speed_mps, line_law.SLOWEST_MPS))
         back = Return.of(on, course_rad, line_law.feedback_per_m(now.speed_mps, tyres), most_radpm)
         self._promises.check(back, line.length_m, since_s)
@@ -197,7 +203,8 @@ class LineFollower:
         then = now.later(self._settings.latency_s + WIRE_S + late_s, self._told_rad, tyres)
         there = line.nearest(then.place_m, on.along_m)
         pulled = tyres.pulling(share**2 * line.pull_at(there.along_m))
-        aimed = replace(there, aside_m=there.aside_m - self._correction.aim_m(there.along_m, share))
+        aim_m = self._correction.aim_m(there.along_m, share) if self._correction is not None else 0.0
+        aimed = replace(there, aside_m=there.aside_m - aim_m)
         steering_rad = self._car.steered_rad(line_law.steering_rad(then, line, aimed, tyres, pulled))
         speed_mps = share * line_law.speed_mps(then, line, there)
         believed = self._joined and self._on_line_s >= BELIEVED_S and self._on_line_m >= BELIEVED_M
@@ -212,11 +219,19 @@ class LineFollower:
     def _note(self, stamp_s: float, now: Moving, line: CourseLine, on: OnLine) -> None:
         """Take in where a car that has joined the line is on it."""
         share = self._build_up.share
-        if now.speed_mps > AT_SPEED * share * line.speed_at(on.along_m):
-            self._correction.take(on.along_m, on.aside_m, now.speed_mps, share)
+        if self._correction is not None and self._teaches(now, line, on):
+            self._correction.take(on.along_m, on.aside_m, share)
         if self._laps.take(stamp_s, on.along_m, on.aside_m):
             self._build_up.lap_done()
-            self._correction.lap_done()
+            if self._correction is not None:
+                self._correction.lap_done()
+
+    def _teaches(self, now: Moving, line: CourseLine, on: OnLine) -> bool:
+        """Whether the error of a car is one that aiming beside the line takes out: at speed, with steering and grip."""
+        right_rad, left_rad = self._car.steering_ends_rad
+        steers = right_rad + AT_END_RAD < self._told_rad < left_rad - AT_END_RAD
+        grips = abs(now.speed_mps * now.turn_radps) < AT_GRIP * self._settings.floor_mu * GRAVITY_MPS2
+        return steers and grips and now.speed_mps > AT_SPEED * self._build_up.share * line.speed_at(on.along_m)
 
     def _by_wall(self, guidance: Guidance, reason: str) -> Guidance:
         """Follow the wall, and say why; its distance is no error from the line."""

@@ -18,6 +18,7 @@ from wallride.runtime.control.localization.line_field import field_of_cells
 from wallride.runtime.control.localization.localizer import Localizer
 from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.safety.promise_record import KEPT_S, KEPT_WAY_M
+from wallride.runtime.control.tyres import Moving
 from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings, ServoCar
 
 CAR = CarSettings(max_speed_mps=6.0)
@@ -87,7 +88,29 @@ def test_the_error_of_a_car_slower_than_asked_teaches_nothing(room, monkeypatch,
     one = follower(room[1], first_lap_share=1.0)
     answers(one, room[0], (2.0, 0.05, 0.0), speed_mps=speed_mps)
     assert bool(taught) is counts
-    assert all(aside_m == pytest.approx(0.05, abs=0.03) for _, aside_m, _, _ in taught)
+    assert all(aside_m == pytest.approx(0.05, abs=0.03) for _, aside_m, _ in taught)
+
+
+@pytest.mark.parametrize(
+    ("told_rad", "turn_radps", "counts"), [(0.1, 1.0, True), (0.34, 1.0, False), (0.1, 2.6, False)]
+)
+def test_the_error_of_a_car_at_the_end_of_steering_or_grip_teaches_nothing(room, told_rad, turn_radps, counts):
+    one, line = follower(room[1], first_lap_share=1.0), round_the_block()
+    one._told_rad = told_rad
+    assert one._teaches(Moving(START[0], 0.0, 3.0, turn_radps), line, line.nearest(2.0)) is counts
+
+
+def test_a_turn_that_only_begins_does_not_point_the_promise_outward(room):
+    """The tyres slip as in a steady bend only a while later: 0.3 rad at this turn, which no car could come back from."""
+    one, line = follower(room[1], first_lap_share=1.0), round_the_block()
+    one._joined, one._on, tyres = True, line.nearest(2.0), one._tyres()
+    outward_rad = []
+    for k in range(60):
+        promise = one._promise(0.025 * k, 0.025, Moving(2.0 + 0j, 0.0, 5.5, 1.4), line, tyres, 1.0)
+        outward_rad.append(-math.atan2(promise.path_m[1, 1], promise.path_m[0, 1]))
+    assert outward_rad[0] < 0.06
+    assert outward_rad[-1] == pytest.approx(tyres.rear_slip_rad(5.5 * 1.4), abs=0.1)
+    assert outward_rad[-1] > 0.2
 
 
 def test_on_the_line_it_promises_it_and_elsewhere_nothing(room):
