@@ -50,6 +50,8 @@ TURNING_FADES = 0.95
 SURE_MOVED_M, SURE_SEEN_SCANS = 0.1, 6
 SURE_SPEED_MPS, SURE_SPEED_SHARE, SURE_TURNING_SHARE = 0.2, 0.03, 0.04
 """The same for a motion aside while scan matching corrects the odometry."""
+SURE_SLIP_S2PM = 0.005
+"""Speed aside that is added then, by turn x speed^2: near their grip the tyres slip by other than the usual 0.023."""
 AHEAD_S = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9)
 STOOD_S = 1.5
 """Time for which a car has to stand until no place from which a motion is measured is of its own drive."""
@@ -146,7 +148,7 @@ class MovingObstacles:
         if not self._sure:
             turning_per_s = TURNING_SHARE * self._turning_radps
             return MotionBounds(toward_mps, toward_mps, turning_per_s, shown, shown, NARROW_WIDTH_M)
-        aside_mps = SURE_SPEED_MPS + SURE_SPEED_SHARE * speed_mps
+        aside_mps = SURE_SPEED_MPS + SURE_SPEED_SHARE * speed_mps + SURE_SLIP_S2PM * self._turning_radps * speed_mps**2
         turning_per_s = SURE_TURNING_SHARE * self._turning_radps
         return MotionBounds(toward_mps, aside_mps, turning_per_s, shown, (SURE_MOVED_M, soon_scans), MAX_WIDTH_M)
 

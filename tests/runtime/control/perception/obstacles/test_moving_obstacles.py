@@ -223,17 +223,23 @@ def test_what_was_hidden_before_has_walked_once_all_of_its_old_place_is_free():
     assert by_turns([(RIGHT, 2.0), inner_wall], [inner_wall]) == 0
 
 
-@pytest.mark.parametrize(("crosses_mps", "seen"), [(0.0, False), (0.8, True), (-0.8, True)])
-def test_a_car_in_a_bend_tells_what_crosses_by_odometry_that_scans_correct(crosses_mps, seen):
+@pytest.mark.parametrize(
+    ("speed_mps", "turn_radps", "crosses_mps", "seen"),
+    [
+        (3.0, 2.0, 0.0, False), (3.0, 2.0, 0.8, True), (3.0, 2.0, -0.8, True),
+        (3.0, 1.0, 0.6, True), (6.0, 1.0, 0.6, False), (6.0, 1.0, 1.0, True),
+    ],
+)  # fmt: skip
+def test_a_car_in_a_bend_tells_what_crosses_by_odometry_that_scans_correct(speed_mps, turn_radps, crosses_mps, seen):
     movers, rng, most = MovingObstacles(), np.random.default_rng(3), 0
     for step in range(24):
         now_s = step * SCAN_S
-        yaw_rad = 2.0 * now_s - 0.6
+        yaw_rad = turn_radps * (now_s - 0.3)
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         x_m, y_m = 4.0, crosses_mps * (now_s - 0.3)
         ranges_m = circle(cos * x_m + sin * y_m, cos * y_m - sin * x_m) + rng.normal(0.0, 0.01, 1081)
         moved = OwnMotion(NO_PLACE, NO_PLACE, sure=True, trim_rad=0.0, rolled=ScanPose(0j, yaw_rad))
-        pose = OdometryState(0.0, 0.0, yaw_rad, 4.0, 2.0)
+        pose = OdometryState(0.0, 0.0, yaw_rad, speed_mps, turn_radps)
         most = max(most, movers.update(see(ranges_m), pose, now_s, lambda moved=moved: moved).size)
     assert (most > 0) == seen
 
