@@ -14,9 +14,10 @@ import numpy as np
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.arbitration.command import Source
 from wallride.runtime.control.line_following.race_line import CourseLine
-from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.line_files import LINE_SUFFIX, read_line
 from wallride.runtime.map_files import refusal_of
+from wallride.runtime.settings.driven_car import driven_car
+from wallride.runtime.settings.tree import Settings
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.car.wiring import WiringConversion, WiringErrors
 from wallride.sim.lab import laws
@@ -58,9 +59,9 @@ class RaceCell(Cell):
     assumed: float = 1.0
     delay_s: float = 0.0
     stiffness: float = 1.0
-    lateral_share: float = 0.6
-    brake_share: float = 0.45
-    keep_m: float = 0.45
+    lateral_share: float = 0.7
+    brake_share: float = 0.6
+    keep_m: float = 0.4
     box: str = ""
 
 
@@ -100,11 +101,11 @@ def not_raced(cell: RaceCell, reason: str) -> Figures:
 
 def planned_line(cell: RaceCell, file: Path) -> RaceLine:
     """Return the line of a map, as `wallride line` computes it. Raises: NoRingError, NoLineError."""
-    path, car = driven_path(file), CarSettings()
+    path, car = driven_path(file), driven_car(Settings())
     assert path is not None  # noqa: S101 - `map_course` wrote it
     ring_m = ring_of_path(read_path(path), what=cell.scenario)
     grip = Grip(cell.mu * cell.assumed, cell.lateral_share, cell.brake_share, speed_mps=cell.speed_mps)
-    radius_m = car.wheelbase_m / float(np.tan(car.max_steering_rad))
+    radius_m = car.wheelbase_m / float(np.tan(car.narrower_end_rad))
     return race_line(ring_m, FreeSpace(load_world(file).outline_m), grip, keep_m=cell.keep_m, radius_m=radius_m)
 
 

@@ -14,6 +14,7 @@ from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.host.output_files import write_answer, write_files
 from wallride.runtime.line_files import LINE_SUFFIX, map_of_line
 from wallride.runtime.map_files import fingerprint, refusal_of
+from wallride.runtime.settings.driven_car import driven_car
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.racing.free_space import FreeSpace
 from wallride.sim.racing.line_file import save_picture, text_of
@@ -35,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
     if options.path is None and options.side is None and is_map(options.map):
         options.path = driven_path(Path(options.map))
     world = load_world(Path(options.map) if is_map(options.map) else options.map, side=options.side)
-    car = load_settings(options.config, options.assignments).car
+    car = driven_car(load_settings(options.config, options.assignments))
     if options.keep_m < (least_m := car.half_width_m + SPARE_M):
         raise NoLineError(f"--keep {options.keep_m:g} m is less than the car needs beside its middle: {least_m:.2f} m")
     _check_avoided(world, options.avoid)
@@ -91,7 +92,7 @@ def line_of(world: World, options: argparse.Namespace, car: CarSettings) -> Race
     grip = Grip(
         options.mu, options.lateral_share, options.brake_share, options.speed_mps, drive_mps2=car.max_acceleration_mps2
     )
-    radius_m = car.wheelbase_m / float(np.tan(car.max_steering_rad))
+    radius_m = car.wheelbase_m / float(np.tan(car.narrower_end_rad))
     line = race_line(ring_m, FreeSpace(world.outline_m, options.avoid), grip, keep_m=options.keep_m, radius_m=radius_m)
     nearest = int(np.argmin(line.away_m))
     if line.away_m[nearest] < car.half_width_m + SPARE_M:
