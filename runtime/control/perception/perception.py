@@ -100,7 +100,7 @@ class Perception:
         self.thin = ThinObstacles()
         self.visibility = Visibility(car)
         self._speed = SlidingSpeed(GRAVITY_MPS2, assumed.slippery_mps2)
-        self._slid_s = -math.inf
+        self._slid_s = self._reported_s = -math.inf
         self._past_rad: tuple[tuple[float, float], ...] = ()
         self._before = self.odometry.pose
         self._last_m: float | None = None
@@ -157,7 +157,9 @@ class Perception:
             return self._speed.update(None, stamp_s), 0.0, 0.0
         self._last_m, most_rad = motor.distance_m, self.car.max_steering_rad
         step_m = motor.distance_m - last_m if last_m is not None else 0.0
-        return self._speed.update(motor.speed_mps, stamp_s), min(max(motor.steering_rad, -most_rad), most_rad), step_m
+        speed_mps = self._speed.update(motor.speed_mps, stamp_s, motor.stamp_s - self._reported_s)
+        self._reported_s = motor.stamp_s
+        return speed_mps, min(max(motor.steering_rad, -most_rad), most_rad), step_m
 
     def _look_anew(self, view: View) -> View:
         """Return the view of a first scan, doubting every return behind the shoulder except a wall continuing there."""

@@ -1,6 +1,10 @@
 """Speed of the car over the ground while locked wheels report that it stands."""
 
 import math
+from typing import Final
+
+LONGEST_S: Final = 0.06
+"""Longest time between two reports that counts, of a VESC that is asked 50 times a second and misses two."""
 
 
 class SlidingSpeed:
@@ -25,13 +29,17 @@ class SlidingSpeed:
         self._rolls_mps2 = rolls_mps2
         self._slides_mps2 = slides_mps2
 
-    def update(self, reported_mps: float | None, stamp_s: float) -> float:
-        """Return the signed speed at this scan; None (no report) counts as locked wheels."""
+    def update(self, reported_mps: float | None, stamp_s: float, since_report_s: float = 0.0) -> float:
+        """Return the signed speed at this scan; None (no report) counts as locked wheels.
+
+        since_report_s: from the report of the last scan to this one: of two scans one may have brought two reports.
+        """
         signed_mps = reported_mps or 0.0
         size_mps, last_mps = abs(signed_mps), abs(self._signed_mps)
         elapsed_s = stamp_s - self._stamp_s if stamp_s > self._stamp_s else 0.0
         self._stamp_s = stamp_s
-        if self.slides or size_mps < last_mps - self._rolls_mps2 * elapsed_s:
+        falls_s = max(elapsed_s, min(since_report_s, LONGEST_S))
+        if self.slides or size_mps < last_mps - self._rolls_mps2 * falls_s:
             slowest_mps = max(0.0, last_mps - self._slides_mps2 * elapsed_s)
             self.slides = not size_mps >= slowest_mps  # NaN counts as sliding
             if self.slides:

@@ -72,6 +72,23 @@ def test_a_car_that_rolls_is_believed_however_hard_it_brakes():
     assert not speed.slides
 
 
+def test_two_reports_between_two_scans_are_a_fall_of_twice_the_time():
+    """A motor controller reports 50 times a second, and a lidar scans 40 times: 7 m/s2 is no slide."""
+    speed = SlidingSpeed(ROLLS_MPS2, SLIDES_MPS2)
+    speed.update(5.42, 0.0)
+    assert speed.update(5.14, 0.025, 0.04) == 5.14
+    assert not speed.slides
+    assert speed.update(4.0, 0.05, 0.04) > 5.0, "but locked wheels fall faster"
+    assert speed.slides
+
+
+def test_a_gap_in_the_reports_hides_no_slide():
+    speed = SlidingSpeed(ROLLS_MPS2, SLIDES_MPS2)
+    speed.update(3.0, 0.0)
+    speed.update(2.0, 0.025, 5.0)
+    assert speed.slides
+
+
 def test_wheels_that_come_back_slowly_are_not_believed_before_they_are_as_fast():
     speed = SlidingSpeed(ROLLS_MPS2, SLIDES_MPS2)
     speed.update(3.0, 0.0)
