@@ -46,8 +46,6 @@ WALL_M: Final = 10.0
 the next one: between furniture there are many."""
 PROMISED_M, PROMISED_S, PROMISED_MPS2 = 0.5, 0.3, 3.5
 """The promise reaches as far as an early brake of safety, and not into what is not seen: that changes."""
-OBEYS_S, SPARE_MPS = 0.15, 0.1
-"""Time in which the wheels follow the set speed, which may be higher by what they gain in it, and a little."""
 MARGIN_M: Final = 0.08
 """Error aside that a promise admits; what safety measures beyond it counts."""
 
@@ -187,9 +185,8 @@ class CorridorFollower:
         if wide:
             mu *= SLIPPING_SHARE
         most_mps = speed_limit_mps(steering_rad + now.trim_rad, wheelbase_m, mu)
-        used = min(1.0, (now.speed_mps / most_mps) ** 2)
-        gains_mps2 = self._car.max_acceleration_mps2 * math.sqrt(1.0 - used * used)
-        return min(most_mps, now.speed_mps + OBEYS_S * gains_mps2 + SPARE_MPS)
+        used = (now.speed_mps / most_mps) ** 2
+        return min(most_mps, line_law.gained_mps(now.speed_mps, used, self._car.max_acceleration_mps2))
 
     def _promise(self, stamp_s: float, now: Moving, line: CourseLine, on: OnLine, tyres: Tyres, seen: int) -> Promise:
         """Return the way back to the way and along it."""

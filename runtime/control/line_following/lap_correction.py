@@ -25,7 +25,7 @@ BESIDE: Final = 5
 SMOOTHING: Final = np.hanning(2 * BESIDE + 3)[1:-1] / (BESIDE + 1)
 """Weights of a piece and its neighbours: what changes faster than in half a second the car cannot follow, and would
 swing."""
-MOST_M: Final = 0.05
+MOST_M: Final = 0.03
 """Largest aim: a car that slides off its line is not helped by steering more."""
 AT_SPEED: Final = 0.85
 """Share of the asked speed from which an error counts: that of a car that was held back is of another bend."""

@@ -49,6 +49,8 @@ JOINED_M, JOINED_RAD = 0.25, 0.35
 """Lateral and heading errors below which the line is joined; beyond the first one the car slows down."""
 GRIP_USED: Final = 0.9
 """Share of the grip that is observed up to which the line's bends may need it; the rest is for the feedback."""
+DRIVE_SHARE: Final = 0.6
+"""Share of the grip to gain speed with on a straight, as lines are planned."""
 BELIEVED_S, BELIEVED_M = 0.55, 1.1
 """Time and way on the line until safety believes the promised path (`safety/promise_record.py`, with a scan to spare):
 before, it judges the arc, which meets the wall at the speed of the line."""
@@ -115,6 +117,7 @@ class LineFollower:
         since_s = since_s if 0.0 < since_s < MAX_STEP_S else 0.0
         if motor is not None and self._held.tells(motor.speed_mps, since_s) and self._joined:
             self._build_up.slower()
+            self._promises.held_back()
         guidance = self._by_line(scan, motor, by_wall, since_s)
         drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
         self._held.asks(drive.speed_mps)
@@ -206,7 +209,7 @@ class LineFollower:
         aim_m = self._correction.aim_m(there.along_m, share) if self._correction is not None else 0.0
         aimed = replace(there, aside_m=there.aside_m - aim_m)
         steering_rad = self._car.steered_rad(line_law.steering_rad(then, line, aimed, tyres, pulled))
-        speed_mps = share * line_law.speed_mps(then, line, there)
+        speed_mps = min(share * line_law.speed_mps(then, line, there), self._by_grip_mps(now, on, tyres))
         believed = self._joined and self._on_line_s >= BELIEVED_S and self._on_line_m >= BELIEVED_M
         far = max(0.0, (abs(there.aside_m) - JOINED_M) / (LEFT_M - JOINED_M)) if believed else 1.0
         if far > 0.0:
@@ -215,6 +218,14 @@ class LineFollower:
         heading_rad = -line_law.heading_error_rad(now, on, tyres)
         reason = DRIVES if self._joined else JOINS
         return Guidance(Drive(speed_mps, steering_rad), math.nan, on.aside_m, heading_rad, reason)
+
+    def _by_grip_mps(self, now: Moving, on: OnLine, tyres: Tyres) -> float:
+        """Return the speed that the bend leaves grip to gain: a share that rises in it, or a car that was held back."""
+        grip_mps2 = tyres.mu * GRAVITY_MPS2
+        aside_mps2 = now.speed_mps * max(abs(now.turn_radps), now.speed_mps * abs(on.curvature_radpm))
+        gains_mps2 = min(self._car.max_acceleration_mps2, DRIVE_SHARE * grip_mps2)
+        speed_mps = max(now.speed_mps, self._settings.join_mps)
+        return line_law.gained_mps(speed_mps, aside_mps2 / (GRIP_USED * grip_mps2), gains_mps2)
 
     def _note(self, stamp_s: float, now: Moving, line: CourseLine, on: OnLine) -> None:
         """Take in where a car that has joined the line is on it."""

@@ -24,6 +24,9 @@ LEAD_S: Final = 0.08
 """How far ahead the heading is taken, by the present turn: without it the lag of the turn lets the car weave."""
 SPEED_AHEAD_S: Final = 0.10
 """How far ahead the speed is taken: the delay and lag of the motor controller."""
+OBEYS_S, SPARE_MPS = 0.08, 0.03
+"""Time in which the wheels follow the set speed, which may be higher by what they gain in it, and a little. With 0.15
+and 0.1 they gained twice what a bend leaves, and a car slid whose share of the line's speed had risen in it."""
 MOST_ASIDE_M: Final = 0.4
 """Largest lateral error that counts, and so the steepest way to the line (half of a right angle's sine, when slow)."""
 STEEPEST: Final = 0.5
@@ -65,3 +68,8 @@ def steering_rad(car: Moving, line: CourseLine, on: OnLine, tyres: Tyres, pulled
 def speed_mps(car: Moving, line: CourseLine, on: OnLine) -> float:
     """Return the speed of the line that the car reaches when the motor has obeyed."""
     return line.speed_at(on.along_m + SPEED_AHEAD_S * car.speed_mps)
+
+
+def gained_mps(speed_mps: float, used: float, gains_mps2: float) -> float:
+    """Return the highest speed to ask of a motor that gains no more than a bend leaves. used: share of the grip."""
+    return speed_mps + OBEYS_S * gains_mps2 * math.sqrt(1.0 - min(1.0, used) ** 2) + SPARE_MPS

@@ -67,6 +67,11 @@ class Promises:
         """Forget what was promised, and keep what it was worth."""
         self._made.clear()
 
+    def held_back(self) -> None:
+        """Forget the promises that something else broke, and what they were worth: from here on the line is slower."""
+        self._made.clear()
+        self.margin_m = min(self.margin_m, FIRST_MARGIN_M)
+
     def check(self, now: Return, length_m: float, since_s: float) -> None:
         """Compare the promise of a while ago with where the car is, and note the one of now."""
         self.margin_m += (LEAST_MARGIN_M - self.margin_m) * min(1.0, since_s / FORGETS_S)

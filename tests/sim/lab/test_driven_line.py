@@ -21,7 +21,9 @@ def cell(experiment, scenario, speed_mps=3.0, side="left", **more):
 
 def test_a_line_along_a_bend_turns_as_it_does_and_goes_on_straight():
     turn_rad = np.linspace(0.0, math.pi / 2, 50)
-    line = line_along(3.0 * np.sin(turn_rad) + 3j * (1.0 - np.cos(turn_rad)), Grip(0.8, lateral_share=0.6, speed_mps=4.0))
+    line = line_along(
+        3.0 * np.sin(turn_rad) + 3j * (1.0 - np.cos(turn_rad)), Grip(0.8, lateral_share=0.6, speed_mps=4.0)
+    )
     assert line.length_m > 1.5 * math.pi + ON_M
     assert line.curvature_at(2.0) == pytest.approx(1.0 / 3.0, abs=0.03)
     assert line.curvature_at(10.0) == 0.0

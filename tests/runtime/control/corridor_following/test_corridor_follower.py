@@ -32,7 +32,7 @@ from wallride.sim.world.pose import Pose
 
 
 def test_a_straight_corridor_is_driven_straight_and_fast():
-    last = rolled(follower(), CORRIDOR, speed_mps=4.5)[-1]
+    last = rolled(follower(), CORRIDOR, speed_mps=4.8)[-1]
     assert last.reason == corridor_follower.DRIVES
     assert abs(last.drive.steering_rad) < 0.02
     assert last.drive.speed_mps > 4.9

@@ -15,8 +15,8 @@ WAYS_M = np.arange(0.0, LENGTH_M, STEP_M)
 
 
 def off_in_the_bend(along_m):
-    """6 cm to the left over four metres, and on the line elsewhere."""
-    return 0.06 * float(np.exp(-(((along_m - 20.0) / 2.0) ** 2)))
+    """3 cm to the left over four metres, and on the line elsewhere."""
+    return 0.03 * float(np.exp(-(((along_m - 20.0) / 2.0) ** 2)))
 
 
 def lap(correction, aside_m, share=1.0, ways_m=WAYS_M):
@@ -36,7 +36,7 @@ def test_after_a_lap_it_aims_to_the_other_side_a_moment_before_the_place():
     lap(correction, off_in_the_bend)
     aims_m = np.array([correction.aim_m(float(along_m), 1.0) for along_m in WAYS_M])
     assert WAYS_M[aims_m.argmin()] == pytest.approx(20.0 - LEAD_S * SPEED_MPS, abs=0.3)
-    assert -0.06 < aims_m.min() < -0.03
+    assert -0.03 < aims_m.min() < -0.015
     assert np.abs(aims_m[(WAYS_M < 12.0) | (WAYS_M > 28.0)]).max() < 0.001
 
 
@@ -70,12 +70,12 @@ def test_what_was_learnt_fades_in_laps_without_an_error():
 
 def test_what_is_no_longer_there_is_unlearnt():
     correction = LapCorrection(LINE)
-    lap(correction, lambda _: 0.05)
+    lap(correction, lambda _: 0.04)
     learnt_m = correction.aim_m(20.0, 1.0)
     for _ in range(4):
         aim_m = correction.aim_m(20.0, 1.0)
         lap(correction, lambda _, aim_m=aim_m: aim_m)
-    assert learnt_m == pytest.approx(-0.035)
+    assert learnt_m == pytest.approx(-0.028)
     assert abs(correction.aim_m(20.0, 1.0)) < 0.001
 
 
@@ -105,8 +105,8 @@ def test_pieces_without_a_scan_are_as_their_neighbours_and_a_lap_without_any_tea
 
 def test_a_place_is_learnt_across_the_end_of_the_line():
     correction = LapCorrection(LINE)
-    lap(correction, lambda along_m: 0.05 if along_m < 1.0 or along_m > 39.0 else 0.0)
-    assert correction.aim_m(39.0, 1.0) == pytest.approx(-0.035, abs=0.005)
+    lap(correction, lambda along_m: 0.04 if along_m < 1.0 or along_m > 39.0 else 0.0)
+    assert correction.aim_m(39.0, 1.0) == pytest.approx(-0.028, abs=0.004)
     assert correction.aim_m(20.0, 1.0) == 0.0
 
 
@@ -116,9 +116,9 @@ def test_what_is_learnt_is_as_wide_in_time_where_the_line_is_fast():
     line = line_through(80.0 / math.tau * turn, math.tau / 80.0, np.where(np.arange(800) < 400, 6.0, 3.0))
     correction = LapCorrection(line)
     ways_m = np.arange(0.0, 80.0, 0.1)
-    lap(correction, lambda along_m: 0.06 * (abs(along_m - 20.0) < 1.0 or abs(along_m - 60.0) < 0.5), ways_m=ways_m)
+    lap(correction, lambda along_m: 0.03 * (abs(along_m - 20.0) < 1.0 or abs(along_m - 60.0) < 0.5), ways_m=ways_m)
     aims_m = np.array([correction.aim_m(float(along_m), 1.0) for along_m in ways_m])
-    fast_m, slow_m = (0.1 * np.count_nonzero(half < -0.005) for half in (aims_m[:400], aims_m[400:]))
+    fast_m, slow_m = (0.1 * np.count_nonzero(half < -0.0025) for half in (aims_m[:400], aims_m[400:]))
     assert fast_m == pytest.approx(2.0 * slow_m, rel=0.15)
     assert 20.0 - 0.1 * aims_m[:400].argmin() == pytest.approx(LEAD_S * 6.0, abs=0.3)
     assert 20.0 - 0.1 * aims_m[400:].argmin() == pytest.approx(LEAD_S * 3.0, abs=0.3)

@@ -77,3 +77,15 @@ def test_a_new_beginning_is_no_missed_promise():
     made.check(Return(20.0, 0.4, 0.0, 1.0), 40.0, STEP_S)
     assert made.margin_m < promising.FIRST_MARGIN_M
     assert math.isfinite(made.margin_m)
+
+
+def test_what_was_broken_by_a_stop_is_not_held_against_the_slower_laps_after_it():
+    made = Promises()
+    for k in range(40):
+        made.check(Return(0.1 * k, 0.3 if k >= 20 else 0.0, 0.0, 1.0), 40.0, STEP_S)
+    assert made.margin_m > 0.25
+    made.held_back()
+    assert made.margin_m == promising.FIRST_MARGIN_M
+    for k in range(40, 56):
+        made.check(Return(0.1 * k, 0.0, 0.0, 1.0), 40.0, STEP_S)
+    assert made.margin_m < promising.FIRST_MARGIN_M, "no promise from before it counts"
