@@ -14,8 +14,8 @@ import numpy as np
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.arbitration.command import Source
 from wallride.runtime.control.line_following.race_line import CourseLine
-from wallride.runtime.line_files import LINE_SUFFIX, read_line
-from wallride.runtime.map_files import refusal_of
+from wallride.runtime.line_files import LINE_SUFFIX, check_course, read_line
+from wallride.runtime.map_files import MapError, refusal_of
 from wallride.runtime.settings.driven_car import driven_car
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.car.vehicle import VehicleSettings
@@ -72,11 +72,12 @@ class Racing:
     folder: Path
 
     def __call__(self, cell: RaceCell) -> Figures:
-        """Return the figures of a race; with a "reason" where the map has no line."""
+        """Return the figures of a race; with a "reason" where the map has no line, or is none to find a pose on."""
         file = map_file(cell.scenario, self.folder)
         try:
             planned = planned_line(cell, file)
-        except (NoRingError, NoLineError) as error:
+            check_course(file)
+        except (NoRingError, NoLineError, MapError) as error:
             return not_raced(cell, str(error))
         with TemporaryDirectory() as place:
             line_file = Path(place) / f"race{LINE_SUFFIX}"

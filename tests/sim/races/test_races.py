@@ -86,6 +86,18 @@ def test_a_course_without_a_way_round_is_a_row_with_the_reason(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_map_on_which_no_pose_is_found_is_a_row_with_the_reason(raced, tmp_path):
+    """As of a lap whose map was refused: the other courses are raced."""
+    for file in raced[0].iterdir():
+        text = file.read_bytes()
+        if file.suffix == ".csv" and ".walls" in file.name:
+            text = text.replace(b"\n-", b"\n9")
+        (tmp_path / file.name).write_bytes(text)
+    row = Racing(tmp_path)(RaceCell("races", "loop", "line+swept", 6.0, 0.8, "left", 0))
+    assert "these are not the walls of the image" in row["reason"]
+    assert not row["collided"]
+
+
 def test_every_course_is_raced_by_every_law_on_every_floor(tmp_path):
     asked = options("--method", "ball,line+none", "--mu", ".5,.8", "--tracks", "3", "--seeds", "2", "--only", "track*")
     cells = [cell for cell in race_cells(race_choice(asked), asked) if cell.scenario == "track:seed=3"]
