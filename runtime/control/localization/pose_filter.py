@@ -164,7 +164,8 @@ class PoseFilter:
         self.state += gain @ move
         self.state[2] = math.remainder(self.state[2], math.tau)
         before = self.covariance[:3, :3]
-        self.covariance = self.covariance - gain @ (before - after) @ gain.T
+        left = self.covariance - gain @ (before - after) @ gain.T
+        self.covariance = 0.5 * (left + left.T)  # rounding grows from scan to scan where both halves may differ
 
 
 def inverse(matrix: Numbers) -> Numbers:
