@@ -22,7 +22,7 @@ SLIPPERY: Final = 1.3
 """Ratio of the observed slip and the assumed one from which the floor has less grip: noise and tyres explain less."""
 
 SLOWEST_MPS: Final = 1.0
-"""Speed for rates below it: at a standstill they would be infinite."""
+"""Speed for rates and gains below it: at a standstill they would be infinite."""
 
 TURN_LAG_S: Final = 0.1
 """Time in which the turn follows the wheels: servo, tyres and inertia."""
@@ -64,11 +64,11 @@ class Tyres:
 
     def settles_radps(self, speed_mps: float) -> float:
         """Return how fast a slip of the rear axle dies away: slower with soft tyres, and the faster the car."""
-        return self.mu * GRAVITY_MPS2 * self.rear_per_rad / speed_mps
+        return self.mu * GRAVITY_MPS2 * self.rear_per_rad / max(speed_mps, SLOWEST_MPS)
 
     def most_radpm(self, speed_mps: float) -> float:
         """Return the tightest bend that the grip allows."""
-        return MOST_SHARE * self.mu * GRAVITY_MPS2 / (speed_mps * speed_mps)
+        return MOST_SHARE * self.mu * GRAVITY_MPS2 / max(speed_mps, SLOWEST_MPS) ** 2
 
     def rear_slip_rad(self, lateral_mps2: float) -> float:
         """Return the angle by which the rear axle's way points outward from the car's heading, in a steady bend."""
@@ -101,7 +101,7 @@ class Moving:
 
     def slipped_rad(self, before_rad: float, since_s: float, tyres: Tyres) -> float:
         """Return the slip of the rear axle, which follows a change of the turn with a lag. before_rad: earlier."""
-        follows = 1.0 - math.exp(-since_s * tyres.settles_radps(max(self.speed_mps, SLOWEST_MPS)))
+        follows = 1.0 - math.exp(-since_s * tyres.settles_radps(self.speed_mps))
         return before_rad + follows * (tyres.rear_slip_rad(self.speed_mps * self.turn_radps) - before_rad)
 
     def later(self, in_s: float, steering_rad: float, tyres: Tyres) -> "Moving":

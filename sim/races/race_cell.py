@@ -14,7 +14,7 @@ import numpy as np
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.arbitration.command import Source
 from wallride.runtime.control.line_following.race_line import CourseLine
-from wallride.runtime.line_files import LINE_SUFFIX, check_course, read_line
+from wallride.runtime.line_files import LINE_SUFFIX, read_line
 from wallride.runtime.map_files import MapError, refusal_of
 from wallride.runtime.settings.driven_car import driven_car
 from wallride.runtime.settings.tree import Settings
@@ -76,15 +76,14 @@ class Racing:
         file = map_file(cell.scenario, self.folder)
         try:
             planned = planned_line(cell, file)
-            check_course(file)
+            with TemporaryDirectory() as place:
+                line_file = Path(place) / f"race{LINE_SUFFIX}"
+                line_file.write_text(text_of(planned, cell.scenario), encoding="utf-8")
+                line = read_line(line_file)
+                poses = poses_of_map(file)
+                run, box = _drive(cell, line, poses, (f"map.file={file}", f"map.line={line_file}"))
         except (NoRingError, NoLineError, MapError) as error:
             return not_raced(cell, str(error))
-        with TemporaryDirectory() as place:
-            line_file = Path(place) / f"race{LINE_SUFFIX}"
-            line_file.write_text(text_of(planned, cell.scenario), encoding="utf-8")
-            line = read_line(line_file)
-            poses = poses_of_map(file)
-            run, box = _drive(cell, line, poses, (f"map.file={file}", f"map.line={line_file}"))
         figures = {
             "reason": "",
             "map_refused": refusal_of(file),

@@ -190,7 +190,7 @@ class CorridorFollower:
 
     def _promise(self, stamp_s: float, now: Moving, line: CourseLine, on: OnLine, tyres: Tyres, seen: int) -> Promise:
         """Return the way back to the way and along it."""
-        most_radpm = tyres.most_radpm(max(now.speed_mps, line_law.SLOWEST_MPS))
+        most_radpm = tyres.most_radpm(now.speed_mps)
         back = Return.of(on, -self._slip_rad, line_law.feedback_per_m(now.speed_mps, tyres), most_radpm)
         needed_m = PROMISED_M + PROMISED_S * now.speed_mps + now.speed_mps**2 / (2.0 * PROMISED_MPS2)
         most_m = min(needed_m, float(line.along_m[min(seen, line.along_m.size - 1)]) - on.along_m)

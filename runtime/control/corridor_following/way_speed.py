@@ -7,7 +7,7 @@ from wallride.runtime.control.perception.geometry import Floats
 from wallride.runtime.control.vehicle import GRAVITY_MPS2
 
 LATERAL_SHARE, BRAKE_SHARE = 0.6, 0.38
-"""Of mu g: in bends what the race line of a map counts on. The rest is for corrections, and for a floor that has less.
+"""Of mu g: in bends less than the race line of a map counts on. The rest is for corrections, and a floor with less.
 Safety brakes by 0.45: a way whose end comes in sight late is left a reserve, or safety brakes first."""
 HIDDEN_PER_M: Final = 0.9
 """Curvature of the corner that begins where sight ends, as `ball` has it."""

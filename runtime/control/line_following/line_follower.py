@@ -19,12 +19,7 @@ from wallride.runtime.control.guidance import Guidance, Promise
 from wallride.runtime.control.line_following import line_law
 from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.line_following.joining import way_is_free
-from wallride.runtime.control.line_following.lap_correction import (
-    AT_END_RAD,
-    AT_GRIP,
-    AT_SPEED,
-    LapCorrection,
-)
+from wallride.runtime.control.line_following.lap_correction import AT_END_RAD, AT_GRIP, AT_SPEED, LapCorrection
 from wallride.runtime.control.line_following.lap_memory import BuildUp, HeldBack, LapMemory
 from wallride.runtime.control.line_following.line_settings import LineFollowSettings
 from wallride.runtime.control.line_following.promising import Promises, Return, way_ahead
@@ -168,7 +163,7 @@ class LineFollower:
             self._promises.begin()
             return None
         course_rad = now.yaw_rad - self._slip_rad
-        most_radpm = tyres.most_radpm(max(now.speed_mps, line_law.SLOWEST_MPS))
+        most_radpm = tyres.most_radpm(now.speed_mps)
         back = Return.of(on, course_rad, line_law.feedback_per_m(now.speed_mps, tyres), most_radpm)
         self._promises.check(back, line.length_m, since_s)
         places, speeds_mps = way_ahead(line, back, (now.place_m, now.yaw_rad), now.speed_mps)

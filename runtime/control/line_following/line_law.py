@@ -13,11 +13,9 @@ import math
 from typing import Final
 
 from wallride.runtime.control.line_following.race_line import CourseLine, OnLine
-from wallride.runtime.control.tyres import Moving, Tyres
+from wallride.runtime.control.tyres import SLOWEST_MPS, Moving, Tyres
 
 FREQUENCY_RADPS, DAMPING = 6.0, 1.1
-SLOWEST_MPS: Final = 1.0
-"""Speed for the gains below it: at a standstill they would be infinite."""
 AHEAD_S, AHEAD_M = 0.06, 0.05
 """How far ahead of the car the curvature of the line is taken: the turn follows the wheels with a lag."""
 LEAD_S: Final = 0.08
@@ -34,8 +32,7 @@ STEEPEST: Final = 0.5
 
 def feedback_per_m(speed_mps: float, tyres: Tyres) -> float:
     """Return the poles' frequency over the speed. Feedback that the tyres cannot follow becomes a swing, and a spin."""
-    speed_mps = max(speed_mps, SLOWEST_MPS)
-    return min(FREQUENCY_RADPS, tyres.settles_radps(speed_mps)) / speed_mps
+    return min(FREQUENCY_RADPS, tyres.settles_radps(speed_mps)) / max(speed_mps, SLOWEST_MPS)
 
 
 def heading_error_rad(car: Moving, on: OnLine, tyres: Tyres) -> float:
@@ -51,8 +48,7 @@ def steering_rad(car: Moving, line: CourseLine, on: OnLine, tyres: Tyres, pulled
     is over before the slip has followed it.
     """
     pulled = pulled or tyres
-    speed_mps = max(car.speed_mps, SLOWEST_MPS)
-    per_m = feedback_per_m(speed_mps, tyres)
+    per_m = feedback_per_m(car.speed_mps, tyres)
     most_m = min(MOST_ASIDE_M, 2.0 * DAMPING * STEEPEST / per_m)
     curvature_radpm = line.curvature_at(on.along_m + AHEAD_S * car.speed_mps + AHEAD_M)
     lateral_mps2 = car.speed_mps**2 * curvature_radpm
@@ -60,7 +56,7 @@ def steering_rad(car: Moving, line: CourseLine, on: OnLine, tyres: Tyres, pulled
     off_rad = heading_error_rad(car, on, pulled) + LEAD_S * (car.turn_radps - car.speed_mps * on.curvature_radpm)
     curvature_radpm -= 2.0 * DAMPING * per_m * math.sin(off_rad)
     curvature_radpm -= per_m**2 * min(max(on.aside_m, -most_m), most_m)
-    most_radpm = tyres.most_radpm(speed_mps)
+    most_radpm = tyres.most_radpm(car.speed_mps)
     curvature_radpm = min(max(curvature_radpm, -most_radpm), most_radpm)
     return tyres.steering_rad(curvature_radpm, car.speed_mps) + more_rad - car.trim_rad
 

@@ -32,7 +32,7 @@ class SlidingSpeed:
     def update(self, reported_mps: float | None, stamp_s: float, since_report_s: float = 0.0) -> float:
         """Return the signed speed at this scan; None (no report) counts as locked wheels.
 
-        since_report_s: from the report of the last scan to this one: of two scans one may have brought two reports.
+        since_report_s: from the report of the last scan to that of this one: there may be another between them.
         """
         signed_mps = reported_mps or 0.0
         size_mps, last_mps = abs(signed_mps), abs(self._signed_mps)
