@@ -29,6 +29,7 @@ from wallride.runtime.control.safety.promise_record import Given, PromiseRecord
 from wallride.runtime.control.safety.promised_way import (
     CORRECTS_RAD,
     TOO_SHORT,
+    WHEEL_SPARE_RAD,
     PromisedWay,
     Roadworthy,
     Unbelievable,
@@ -51,6 +52,8 @@ FASTER_MPS = 0.5
 """How much faster than the fastest of the promised speeds a command may be."""
 EACH = 3
 """Interval of poses from which braking is judged: 0.18 m."""
+MOST_ASIDE = 0.9
+"""Share of the grip above which a bend is not counted on to leave less: the early brake would come at once."""
 LATER_S = 0.03
 STOP_SPARE_M = 0.05
 SLIDE_MARGIN_M = 0.02
@@ -76,7 +79,7 @@ class JudgedWay:
     """A believed promise. found: first contact along it. toward_rad: bearing of its middle.
 
     cap_m, cap_mps: (k,) ways ahead and the most speed there, from which full braking ends before a contact, or 0 where
-    the rest is hidden. margin_m: to each side.
+    the rest is hidden. left: (k,) share of the grip that the bends before leave to brake with. margin_m: to each side.
     """
 
     way: PromisedWay
@@ -85,13 +88,15 @@ class JudgedWay:
     toward_rad: float
     cap_m: Floats
     cap_mps: Floats
+    left: Floats
 
     def limit(self, body: Body, reaction_s: float) -> Verdict:
         """Return the limit from which the early brake keeps to every cap, and a hard stop to what is seen."""
         if not self.cap_m.size:
             return CLEAR
         settings = body.settings
-        brakes_mps2 = np.where(self.cap_mps > 0.0, settings.graded_share, settings.hard_share) * body.grip_mps2
+        brakes_mps2 = np.where(self.cap_mps > 0.0, settings.graded_share * self.left, settings.hard_share)
+        brakes_mps2 = brakes_mps2 * body.grip_mps2
         reach_mps = brakes_mps2 * reaction_s
         speeds_mps = np.sqrt(reach_mps**2 + 2.0 * brakes_mps2 * self.cap_m + self.cap_mps**2) - reach_mps
         tightest = int(speeds_mps.argmin())
@@ -181,10 +186,13 @@ def _judged(
     binds = way.speed_mps[some] > most_mps
     hidden_m = _hidden_m(strip.view, way, body.bare.front_m)
     cap_m, cap_mps = braked_m[binds], most_mps[binds]
+    aside = np.minimum(way.speed_mps[some] ** 2 * bend_per_m / car.grip_mps2, MOST_ASIDE)
+    left = np.sqrt(1.0 - np.maximum.accumulate(aside) ** 2)[binds]
     if hidden_m < look_m:
         cap_m, cap_mps = np.append(cap_m, max(0.0, hidden_m - HIDDEN_SPARE_M)), np.append(cap_mps, 0.0)
+        left = np.append(left, 1.0)
     middle_m = way.path.place_m[min(way.path.place_m.size - 1, int(look_m / 2 / STEP_M))]
-    return JudgedWay(way, margin_m, found, cmath.phase(middle_m), cap_m, cap_mps)
+    return JudgedWay(way, margin_m, found, cmath.phase(middle_m), cap_m, cap_mps, left)
 
 
 def _roadworthy(strip: Strip) -> Roadworthy:
@@ -200,7 +208,8 @@ def _roadworthy(strip: Strip) -> Roadworthy:
 def _leads_elsewhere(way: PromisedWay, car: Roadworthy, steering_rad: float, margin_m: float) -> bool:
     """Whether a steering is none of those that the promise that comes with it leads through soon, or leaves its margin.
 
-    A source corrects its errors by other angles than the path's own.
+    A source corrects its errors by other angles than the path's own, and in a bend steers further into it, by as much
+    as the front tyres slip more than the rear ones.
     """
     motion = PathMotion(
         car.speed_mps, 1.0, car.wheel_rad, car.latency_s, car.rate_radps, car.wheelbase_m,
@@ -210,10 +219,14 @@ def _leads_elsewhere(way: PromisedWay, car: Roadworthy, steering_rad: float, mar
     count = min(driven.place_m.size, way.path.place_m.size)
     apart_m = (driven.place_m[:count] - way.path.place_m[:count]) * way.course[:count].conj()
     allowed_m = margin_m + COMMAND_SPARE_M + COMMAND_SPARE_SHARE * driven.travel_m[:count]
-    wheels_rad = np.arctan(car.wheelbase_m * way.path.curvature_per_m[:count])
+    bend_per_m = way.path.curvature_per_m[:count]
+    grip_used = np.minimum(np.maximum(bend_per_m * (car.speed_mps * car.speed_mps / car.grip_mps2), -1.0), 1.0)
+    inward_m = WHEEL_SPARE_RAD / car.wheelbase_m * STEP_M * STEP_M * grip_used.cumsum().cumsum()
+    least_m, most_m = np.minimum(inward_m, 0.0) - allowed_m, np.maximum(inward_m, 0.0) + allowed_m
+    wheels_rad = np.arctan(car.wheelbase_m * bend_per_m)
     spare_rad = CORRECTS_RAD * max(1.0, CORRECTS_MPS / max(car.speed_mps, MIN_SLEW_SPEED_MPS))
     beside = steering_rad > wheels_rad.max() + spare_rad or steering_rad < wheels_rad.min() - spare_rad
-    return bool(beside or (np.abs(apart_m.imag) > allowed_m).any())
+    return bool(beside or (apart_m.imag > most_m).any() or (apart_m.imag < least_m).any())
 
 
 def _braking_room_m(strip: Strip, way: PromisedWay, look_m: float) -> tuple[Floats, Floats]:
