@@ -31,7 +31,7 @@ from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.control.wall_following.ball import MAX_STEP_S, BallFollower
 from wallride.runtime.control.wall_following.ball_drive import SLIPPING_SHARE
 from wallride.runtime.control.wall_following.followed_wall import side_view
-from wallride.runtime.control.wall_following.prediction import WIRE_S, slew_towards
+from wallride.runtime.control.wall_following.prediction import WIRE_S
 from wallride.runtime.control.wall_following.speed_profile import speed_limit_mps
 
 DRIVES: Final = "between the borders"
@@ -60,7 +60,8 @@ class CorridorFollower:
         self._ball = BallFollower(settings, car, perception.views)
         self._kept = KeptWay()
         self._here: DrivenPlace | None = None
-        self._told_rad = self._slip_rad = 0.0
+        self._told = line_law.ToldWheels(car.steering_rate_radps)
+        self._slip_rad = 0.0
         self._stamp_s = math.nan
         self._rests = 0
         self._stood_s, self._wall_m = 0.0, 0.0
@@ -71,7 +72,8 @@ class CorridorFollower:
         self._ball.tune(settings)
         if settings.side != self._settings.side:
             self._kept.forget()
-            self._told_rad, self._slip_rad = -self._told_rad, -self._slip_rad
+            self._told.mirror()
+            self._slip_rad = -self._slip_rad
         self._settings = settings
 
     @property
@@ -101,7 +103,7 @@ class CorridorFollower:
         else:
             guidance = replace(by_ball, reason=BY_BALL if by_ball.drive is not None else by_ball.reason)
         told_rad = self._side * guidance.drive.steering_rad if guidance.drive is not None else 0.0
-        self._told_rad = slew_towards(self._told_rad, told_rad, self._car.steering_rate_radps * since_s)
+        self._told.tell(told_rad, since_s)
         return guidance
 
     def _stand(self, speed_mps: float, since_s: float) -> None:
@@ -162,7 +164,7 @@ class CorridorFollower:
     def _along(self, scan: Scan, now: Moving, line: CourseLine, on: OnLine, tyres: Tyres, seen: int) -> Guidance:
         """Answer by the way."""
         late_s = min(max(scan.received_s - scan.stamp_s, 0.0), MAX_STEP_S)
-        then = now.later(self._settings.latency_s + WIRE_S + late_s, self._told_rad, tyres)
+        then = self._told.ahead(now, self._settings.latency_s + WIRE_S + late_s, tyres)
         there = line.nearest(then.place_m, on.along_m)
         asked_rad = line_law.steering_rad(then, line, there, tyres)
         steering_rad = self._side * self._car.steered_rad(self._side * asked_rad)

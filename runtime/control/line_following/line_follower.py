@@ -31,7 +31,7 @@ from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.tyres import Moving, Tyres
 from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
 from wallride.runtime.control.wall_following.ball import MAX_STEP_S, BallFollower
-from wallride.runtime.control.wall_following.prediction import WIRE_S, slew_towards
+from wallride.runtime.control.wall_following.prediction import WIRE_S
 
 NO_LINE: Final = "no race line: along the wall"
 UNKNOWN: Final = "the pose is not known: along the wall"
@@ -72,7 +72,8 @@ class LineFollower:
         self._held = HeldBack(car.max_acceleration_mps2)
         self._trim = SteeringTrim()
         self._promises = Promises()
-        self._told_rad = self._slip_rad = 0.0
+        self._told = line_law.ToldWheels(car.steering_rate_radps)
+        self._slip_rad = 0.0
         self._stamp_s = math.nan
         self._on: OnLine | None = None
         self._joined = False
@@ -116,7 +117,7 @@ class LineFollower:
         guidance = self._by_line(scan, motor, by_wall, since_s)
         drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
         self._held.asks(drive.speed_mps)
-        self._told_rad = slew_towards(self._told_rad, drive.steering_rad, self._car.steering_rate_radps * since_s)
+        self._told.tell(drive.steering_rad, since_s)
         return guidance
 
     def _by_line(self, scan: Scan, motor: MotorState | None, by_wall: Guidance, since_s: float) -> Guidance:
@@ -198,7 +199,7 @@ class LineFollower:
             self._note(scan.stamp_s, now, line, on)
         share = self._build_up.share
         late_s = min(max(scan.received_s - scan.stamp_s, 0.0), MAX_STEP_S)
-        then = now.later(self._settings.latency_s + WIRE_S + late_s, self._told_rad, tyres)
+        then = self._told.ahead(now, self._settings.latency_s + WIRE_S + late_s, tyres)
         there = line.nearest(then.place_m, on.along_m)
         pulled = tyres.pulling(share**2 * line.pull_at(there.along_m))
         aim_m = self._correction.aim_m(there.along_m, share) if self._correction is not None else 0.0
@@ -209,7 +210,7 @@ class LineFollower:
         far = max(0.0, (abs(there.aside_m) - JOINED_M) / (LEFT_M - JOINED_M)) if believed else 1.0
         if far > 0.0:
             speed_mps = min(speed_mps, max(self._settings.join_mps, (1.0 - far) * speed_mps))
-        speed_mps = min(speed_mps / scale, self._settings.speed_mps)
+        speed_mps = min(speed_mps, self._settings.speed_mps) / scale
         heading_rad = -line_law.heading_error_rad(now, on, tyres)
         reason = DRIVES if self._joined else JOINS
         return Guidance(Drive(speed_mps, steering_rad), math.nan, on.aside_m, heading_rad, reason)
@@ -235,7 +236,7 @@ class LineFollower:
     def _teaches(self, now: Moving, line: CourseLine, on: OnLine) -> bool:
         """Whether the error of a car is one that aiming beside the line takes out: at speed, with steering and grip."""
         right_rad, left_rad = self._car.steering_ends_rad
-        steers = right_rad + AT_END_RAD < self._told_rad < left_rad - AT_END_RAD
+        steers = right_rad + AT_END_RAD < self._told.rad < left_rad - AT_END_RAD
         grips = abs(now.speed_mps * now.turn_radps) < AT_GRIP * self._settings.floor_mu * GRAVITY_MPS2
         return steers and grips and now.speed_mps > AT_SPEED * self._build_up.share * line.speed_at(on.along_m)
 

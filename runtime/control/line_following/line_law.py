@@ -14,20 +14,46 @@ from typing import Final
 
 from wallride.runtime.control.line_following.race_line import CourseLine, OnLine
 from wallride.runtime.control.tyres import SLOWEST_MPS, Moving, Tyres
+from wallride.runtime.control.wall_following.prediction import slew_towards
 
 FREQUENCY_RADPS, DAMPING = 6.0, 1.1
 AHEAD_S, AHEAD_M = 0.06, 0.05
 """How far ahead of the car the curvature of the line is taken: the turn follows the wheels with a lag."""
 LEAD_S: Final = 0.08
 """How far ahead the heading is taken, by the present turn: without it the lag of the turn lets the car weave."""
-SPEED_AHEAD_S: Final = 0.10
-"""How far ahead the speed is taken: the delay and lag of the motor controller."""
+BRAKES_AHEAD_S: Final = 0.10
+"""How far ahead a lower speed is taken: the lag of the motor controller. A higher one is not: a car that gains speed
+early leaves a bend wide."""
+SERVO_S: Final = 0.02
+"""Time after a scan for which the wheels still stand as they were told before the last time. Without it the law takes
+what it has just told for what the wheels have done, and near the grip tells them the opposite at every scan."""
 OBEYS_S, SPARE_MPS = 0.08, 0.03
 """Time in which the wheels follow the set speed, which may be higher by what they gain in it, and a little. With 0.15
 and 0.1 they gained twice what a bend leaves, and a car slid whose share of the line's speed had risen in it."""
 MOST_ASIDE_M: Final = 0.4
 """Largest lateral error that counts, and so the steepest way to the line (half of a right angle's sine, when slow)."""
 STEEPEST: Final = 0.5
+
+
+class ToldWheels:
+    """What the wheels were told by the last two answers, as fast as the servo turns. rad: by the last one."""
+
+    def __init__(self, rate_radps: float) -> None:
+        self._rate_radps = rate_radps
+        self._before_rad = self.rad = 0.0
+
+    def tell(self, steering_rad: float, since_s: float) -> None:
+        """Take in an answer. since_s: time since the one before."""
+        self._before_rad, self.rad = self.rad, slew_towards(self.rad, steering_rad, self._rate_radps * since_s)
+
+    def mirror(self) -> None:
+        """Take left for right."""
+        self._before_rad, self.rad = -self._before_rad, -self.rad
+
+    def ahead(self, car: Moving, in_s: float, tyres: Tyres) -> Moving:
+        """Return the car after a time."""
+        first_s = min(in_s, SERVO_S)
+        return car.later(first_s, self._before_rad, tyres).later(in_s - first_s, self.rad, tyres)
 
 
 def feedback_per_m(speed_mps: float, tyres: Tyres) -> float:
@@ -62,8 +88,8 @@ def steering_rad(car: Moving, line: CourseLine, on: OnLine, tyres: Tyres, pulled
 
 
 def speed_mps(car: Moving, line: CourseLine, on: OnLine) -> float:
-    """Return the speed of the line that the car reaches when the motor has obeyed."""
-    return line.speed_at(on.along_m + SPEED_AHEAD_S * car.speed_mps)
+    """Return the speed of the line when the motor has obeyed."""
+    return min(line.speed_at(on.along_m), line.speed_at(on.along_m + BRAKES_AHEAD_S * car.speed_mps))
 
 
 def gained_mps(speed_mps: float, used: float, gains_mps2: float) -> float:
