@@ -103,12 +103,12 @@ def _add_limits(line: argparse.ArgumentParser) -> None:
 def add_reserve(command: argparse.ArgumentParser) -> None:
     """Add the distance and the shares of the grip that a line leaves to what drives it."""
     command.add_argument(
-        "--keep", dest="keep_m", type=number(0.01, 100.0), default=0.4, metavar="M",
-        help="distance from walls to the middle of the car (default: 0.4)",
+        "--keep", dest="keep_m", type=number(0.01, 100.0), default=0.36, metavar="M",
+        help="distance from walls to the middle of the car (default: 0.36)",
     )  # fmt: skip
     command.add_argument(
-        "--lateral", dest="lateral_share", type=_share, default=0.7, metavar="SHARE",
-        help="share of the grip that bends may use (default: 0.7)",
+        "--lateral", dest="lateral_share", type=_share, default=0.8, metavar="SHARE",
+        help="share of the grip that bends may use (default: 0.8)",
     )  # fmt: skip
     command.add_argument(
         "--brake", dest="brake_share", type=_share, default=0.6, metavar="SHARE",

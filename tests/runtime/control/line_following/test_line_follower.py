@@ -96,7 +96,7 @@ def test_the_error_of_a_car_slower_than_asked_teaches_nothing(room, monkeypatch,
 )
 def test_the_error_of_a_car_at_the_end_of_steering_or_grip_teaches_nothing(room, told_rad, turn_radps, counts):
     one, line = follower(room[1], first_lap_share=1.0), round_the_block()
-    one._told_rad = told_rad
+    one._told.rad = told_rad
     assert one._teaches(Moving(2.0 + 0j, 0.0, 3.0, turn_radps), line, line.nearest(2.0)) is counts
 
 
