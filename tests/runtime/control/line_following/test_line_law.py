@@ -147,12 +147,26 @@ def test_the_way_to_the_line_is_no_steeper_than_its_bound():
     assert at_bound == pytest.approx(math.atan(0.33 / 6.0), abs=0.03), "and then goes on straight"
 
 
-def test_the_speed_is_that_of_the_place_where_the_motor_obeys():
-    line = circle(radius_m=6.0, speed_mps=2.0)
-    line.speed_mps[4:] = 5.0
-    car = Moving(line.place_at(0.0), math.pi / 2, 4.0, 0.0)
-    assert speed_mps(car, line, line.nearest(car.place_m)) == 5.0
-    assert speed_mps(Moving(line.place_at(0.0), math.pi / 2, 1.0, 0.0), line, line.nearest(car.place_m)) == 2.0
+@pytest.mark.parametrize(("speed", "ahead_mps", "expected_mps"), [(4.0, 2.0, 2.0), (1.0, 2.0, 3.0), (4.0, 5.0, 3.0)])
+def test_a_lower_speed_is_taken_where_the_motor_obeys_and_a_higher_one_at_its_place(speed, ahead_mps, expected_mps):
+    line = circle(radius_m=6.0, speed_mps=3.0)
+    line.speed_mps[4:] = ahead_mps
+    car = Moving(line.place_at(0.0), math.pi / 2, speed, 0.0)
+    assert speed_mps(car, line, line.nearest(car.place_m)) == pytest.approx(expected_mps)
+
+
+def test_the_wheels_stand_as_told_before_until_the_servo_obeys():
+    wheels, car = line_law.ToldWheels(10.0), Moving(0j, 0.0, 4.0, 0.0)
+    wheels.tell(0.1, 0.025)
+    still = wheels.ahead(car, line_law.SERVO_S, TYRES)
+    assert (still.yaw_rad, still.turn_radps) == (0.0, 0.0)
+    assert wheels.ahead(car, 0.05, TYRES) == still.later(0.05 - line_law.SERVO_S, 0.1, TYRES)
+    wheels.tell(0.3, 0.01)
+    assert wheels.rad == pytest.approx(0.2), "as fast as the servo turns"
+    assert wheels.ahead(car, line_law.SERVO_S, TYRES).turn_radps > 0.0
+    wheels.mirror()
+    assert wheels.rad == pytest.approx(-0.2)
+    assert wheels.ahead(car, line_law.SERVO_S, TYRES).turn_radps < 0.0
 
 
 def test_the_heading_error_is_that_of_the_way():

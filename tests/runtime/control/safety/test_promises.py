@@ -14,10 +14,12 @@ from tests.runtime.control.safety.promise_scenes import (
     BESIDE,
     OPEN,
     PERIOD_S,
+    SLIP_RAD_PER_MPS2,
     SPEED_MPS,
     Promising,
     by_arc,
     promise_of,
+    way,
 )
 from tests.runtime.control.safety.swept_scenes import wall_at, world
 from wallride.drivers.api import Drive, Scan
@@ -133,6 +135,29 @@ def test_a_command_that_leads_elsewhere_is_judged_by_its_arc():
     promised, plain = judged(car, BESIDE, promise_of, steering_rad=-0.34)
     assert car.record.reason == promise_judgement.OTHER_COMMAND
     assert promised == plain
+
+
+@pytest.mark.parametrize(
+    ("bend_per_m", "further_rad", "elsewhere"),
+    [(0.3, 0.14, False), (-0.3, -0.14, False), (0.0, 0.14, True), (0.3, 0.16, True)],
+)
+def test_front_tyres_that_slip_more_than_the_rear_ones_lead_nowhere_else(bend_per_m, further_rad, elsewhere):
+    steering_rad = math.atan(0.33 * bend_per_m) + further_rad
+    grip_mps2 = 0.8 * 9.81
+    car = promised_way.Roadworthy(3.0, steering_rad, 0.05, 3.2, 0.33, 0.34, grip_mps2, SLIP_RAD_PER_MPS2, 4.0)
+    places_m = way(9.0, bend_per_m)[0] * np.exp(-9j * SLIP_RAD_PER_MPS2 * bend_per_m)
+    driven = promised_way.way_of(places_m, np.full(places_m.size, 3.0), car._replace(wheel_rad=0.3 * bend_per_m), 3.0)
+    assert promise_judgement._leads_elsewhere(driven, car, steering_rad, 0.0) is elsewhere
+
+
+def test_before_a_place_without_room_to_brake_it_brakes_the_less_the_more_the_bend_takes():
+    def limit_mps(left):
+        one = np.ones(1)
+        judged_way = promise_judgement.JudgedWay(None, 0.0, None, 0.0, 2.0 * one, 2.0 * one, left * one)
+        return judged_way.limit(Promising(1).guard.body, 0.1).forward_mps
+
+    assert limit_mps(1.0) == pytest.approx(math.sqrt(0.353**2 + 2.0 * 3.53 * 2.0 + 4.0) - 0.353, abs=0.01)
+    assert limit_mps(0.5) == pytest.approx(math.sqrt(0.177**2 + 2.0 * 1.77 * 2.0 + 4.0) - 0.177, abs=0.01)
 
 
 def test_a_command_that_is_faster_than_promised_is_judged_by_its_arc():
