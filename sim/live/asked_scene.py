@@ -10,6 +10,7 @@ from wallride.sim.live.scenes import WorldScene
 from wallride.sim.racing.race import Race, with_lap
 from wallride.sim.scenario.conditions import Conditions, RequestedConditions, conditions_of
 from wallride.sim.scenario.scenario_file import MAX_START_TO_WALL_M
+from wallride.sim.world.place import World
 from wallride.sim.world.pose import Pose
 from wallride.sim.world.worlds import load_world
 
@@ -27,10 +28,7 @@ def build_scene(
     if chosen is not None:
         return chosen.conditions, chosen, chosen.vehicle
     side = settings.wall_follow.side
-    try:
-        world = load_world(options.world, side=side, seed=options.seed)
-    except (ValueError, OSError) as error:
-        raise SimUsageError(str(error)) from None
+    world = asked_world(options, settings)
     conditions = conditions_of(wishes(options))
     race: Race | None = options.race
     begin = race.start_in(world) if race is not None else world.start
@@ -47,6 +45,15 @@ def build_scene(
         raise SimUsageError(f"{start}: the car would stand in a wall of {world.name}; give a --pose where it is free")
     scene = WorldScene(world, side, conditions.lidar, options.laps, options.seed, conditions.things())
     return conditions, scene, vehicle
+
+
+def asked_world(options: argparse.Namespace, settings: Settings) -> World:
+    """Return the world that the options name, with the wall on the side of a race's map, else on the followed one."""
+    side = (options.race.side if options.race is not None else None) or settings.wall_follow.side
+    try:
+        return load_world(options.world, side=side, seed=options.seed)
+    except (ValueError, OSError) as error:
+        raise SimUsageError(str(error)) from None
 
 
 def wishes(options: argparse.Namespace) -> RequestedConditions:

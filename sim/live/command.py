@@ -20,7 +20,7 @@ from wallride.sim.car.vehicle import Vehicle, VehicleSettings
 from wallride.sim.devices import lidar_kinds
 from wallride.sim.figures.comparison import compare
 from wallride.sim.figures.tum import tum_text
-from wallride.sim.live.asked_scene import SimUsageError, build_scene, wishes
+from wallride.sim.live.asked_scene import SimUsageError, asked_world, build_scene, wishes
 from wallride.sim.live.drive_summary import (
     HEARD,
     failed_to_record,
@@ -50,7 +50,7 @@ from wallride.sim.scenario.simulated_car import find_config, saved_settings
 from wallride.sim.scenario.toml_lines import FileMistakeError
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import Pose
-from wallride.sim.world.worlds import is_map, load_world
+from wallride.sim.world.worlds import is_map
 
 DEFAULT_DURATION_S = 60.0
 MAX_LAP_S = 180.0
@@ -183,7 +183,7 @@ def _drive(
         watched=not options.headless, changes=live, user_code=UserCode.of(settings), **attach,
     ).fit(settings.motor)  # fmt: skip
     named = options.world if is_map(options.world) else world.name
-    driven_in = world_words(named, began if chosen is None and began != world.start else None)
+    driven_in = world_words(named, world.side, began if chosen is None and began != world.start else None)
     start = _start(options, config, settings, driven_in)
     record = _run(session, start, duration_s, stop, console, _view(options, scene, vehicle, console, live), live)
     summary = {
@@ -221,7 +221,7 @@ def _fleet(
     conditions = conditions_of(wishes(options))
     try:
         with stop.loading():
-            world = load_world(options.world, side=settings.wall_follow.side, seed=options.seed)
+            world = asked_world(options, settings)
         cars = build_fleet(world, options.cars, conditions, settings, options.seed, put_back=options.put_back)
     except (ValueError, OSError) as error:
         raise SimUsageError(str(error)) from None

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 
@@ -17,12 +17,12 @@ from wallride.runtime.map_files import MapError, refusal_of
 from wallride.runtime.settings.tree import SettingsError, load_settings
 from wallride.sim.world.lap import Lap
 from wallride.sim.world.place import World
-from wallride.sim.world.pose import Floats, Pose
+from wallride.sim.world.pose import Floats, Pose, Side
 from wallride.sim.world.worlds import is_map, is_there
 
 DEFAULT_WORLD: Final = "loop"
-START: Final = " --pose "
-"""Between world and pose in what a recording says of where it was driven."""
+PLACE: Final = re.compile(r"^# world: (\S.*?)(?: --side (left|right))?(?: --pose (.*?))?\s*$", re.MULTILINE)
+"""What a map says of where its lap was driven, in the words of its recording."""
 SPARE: Final = 1.1
 """The car's maximum speed over the line's highest: wheels that report too much are commanded more."""
 MOVES_MPS: Final = 0.3
@@ -35,12 +35,14 @@ class Race:
     """What is raced. origin: of the map in the world, None for the world's start. notice: what is odd about it, or "".
 
     is_lap: the origin is where the map's lap began; without it, where a map that is the world itself has it.
+    side: of the wall in the world of the lap, None where the map does not tell.
     """
 
     line: CourseLine
     origin: Pose | None = None
     is_lap: bool = True
     notice: str = ""
+    side: Side | None = None
 
     def origin_in(self, world: World) -> Pose:
         """Return the origin of the map in a world."""
@@ -89,9 +91,10 @@ def line_of_map(file: Path) -> Path:
     return beside
 
 
-def world_words(world: str, start: Pose | None) -> str:
+def world_words(world: str, side: Side, start: Pose | None) -> str:
     """Return what a recording says of where it was driven, from which its map has it. start: None for the world's."""
-    return world + (f"{START}{start.x_m:.6g},{start.y_m:.6g},{start.yaw_rad:.6g}" if start is not None else "")
+    pose = f" --pose {start.x_m:.6g},{start.y_m:.6g},{start.yaw_rad:.6g}" if start is not None else ""
+    return f"{world} --side {side}{pose}"
 
 
 def placed(line: CourseLine, file: Path, named: str | None) -> tuple[str, Race]:
@@ -100,8 +103,8 @@ def placed(line: CourseLine, file: Path, named: str | None) -> tuple[str, Race]:
     Raises: MapError where none was, and the map does not tell, or its world is not there.
     """
     name_it = f"name it first: wallride sim WORLD --race {file}"
-    told = re.search(r"^# world: (\S.*)$", _text(file), re.MULTILINE)
-    world, _, start = told[1].strip().partition(START) if told is not None else ("", "", "")
+    told = PLACE.search(_text(file))
+    world, side, start = told.groups() if told is not None else ("", None, None)
     if named is not None and is_map(named) and Path(named).resolve() == file.resolve():
         return named, Race(line, Pose(0.0, 0.0, 0.0), is_lap=False)
     if named is not None and not _is_same(world, named):
@@ -112,9 +115,10 @@ def placed(line: CourseLine, file: Path, named: str | None) -> tuple[str, Race]:
     if named is None and (not is_there(chosen) or Path(chosen).resolve() == file.resolve()):
         raise MapError(f"--race {file}: the world that its lap was driven in, {world}, is not here; {name_it}")
     try:
-        return chosen, Race(line, Pose(*map(float, start.split(","))) if start else None)
+        origin = Pose(*map(float, start.split(","))) if start else None
     except (TypeError, ValueError):
         raise MapError(f"--race {file}: its lap began at {start}, which is no pose X,Y,THETA; {name_it}") from None
+    return chosen, Race(line, origin, side=cast("Side | None", side))
 
 
 def _is_same(told: str, named: str) -> bool:

@@ -13,9 +13,10 @@ from tests.runtime.test_line_files import text
 from tests.runtime.test_map_files import box, write
 from wallride.runtime.line_files import AGAINST_LAP
 from wallride.runtime.map_files import fingerprint
-from wallride.runtime.settings.tree import SettingsError
+from wallride.runtime.settings.tree import Settings, SettingsError
 from wallride.sim.figures.summary import Sample
 from wallride.sim.figures.tum import tum_text
+from wallride.sim.live.asked_scene import asked_world
 from wallride.sim.live.record import Record
 from wallride.sim.racing.race import (
     Race,
@@ -102,9 +103,25 @@ def test_a_map_that_is_the_world_itself_lies_in_it_as_it_is(race):
 
 
 def test_what_is_said_of_the_start_is_understood_again(race):
-    race.write_text(f"# world: {world_words('loop', START)}\n")
+    race.write_text(f"# world: {world_words('loop', 'left', START)}\n")
     assert take_race(options(race)).origin == START
-    assert world_words("loop", None) == "loop"
+
+
+@pytest.mark.parametrize("followed", ["left", "right"])
+def test_the_world_is_the_one_of_the_lap_whichever_wall_is_followed(race, followed):
+    settings = Settings.model_validate({"wall_follow": {"side": followed}})
+    for words, side in (
+        (world_words("loop", "left", None), "left"),
+        (world_words("loop", "right", START), "right"),
+        ("loop", followed),  # as maps told it once
+    ):
+        race.write_text(f"# world: {words}\n")
+        chosen = options(race, seed=0)
+        chosen.race = take_race(chosen)
+        assert asked_world(chosen, settings).side == side
+        chosen = options(race, seed=0, world="corridor")
+        chosen.race = take_race(chosen)
+        assert asked_world(chosen, settings).side == followed, "another world is no lap's"
 
 
 def test_a_map_without_line_or_world_is_refused_in_a_sentence(race):
