@@ -15,6 +15,7 @@ from wallride.sim.mapping.map_output import ABOUT, map_files, path_of, save_pict
 from wallride.sim.mapping.raster import rasterized
 from wallride.sim.mapping.verdict import MapVerdict, judge_map
 from wallride.sim.mapping.walls import walls_of
+from wallride.sim.recordings import RecordingError
 
 REFUSED: Final = 1
 """Exit code of a map that is not to be trusted; its files are written all the same, to look at."""
@@ -28,6 +29,7 @@ def run(options: argparse.Namespace) -> int:
     stem = _stem(options.output, options.file)
     if not verdict.good and _is_good(stem):
         stem = stem.with_name(f"{stem.name}-refused")
+    _check_own(stem)
     raster, path = rasterized(lap.frames, lap.poses, record.kind[1]), path_of(record, lap)
     scale = lap.car.scale if len(record.reports) else None
     about = f"{ABOUT}{record.name}, {verdict.words}"
@@ -83,11 +85,27 @@ def _trim(record: LapRecord, lap: ClosedLap) -> str:
 
 def _is_good(stem: Path) -> bool:
     """Tell whether a good map has that name already, which a refused one does not replace."""
+    return _first_line(stem).endswith(", good")
+
+
+def _check_own(stem: Path) -> None:
+    """Raise RecordingError where a file of another program has the name of one that would be written."""
+    if _first_line(stem).startswith(f"# {ABOUT}"):
+        return
+    others = (stem.with_name(stem.name + ending) for ending in (".yaml", ".pgm", ".png"))
+    if other := next((file for file in others if file.exists()), None):
+        raise RecordingError(
+            f"{other} is there, and not from `wallride map`: name another map with -o, or move it away"
+        )
+
+
+def _first_line(stem: Path) -> str:
+    """Return the first line of a map's file, "" where there is none."""
     try:
         with stem.with_name(f"{stem.name}.yaml").open(encoding="utf-8", errors="replace") as file:
-            return file.readline().rstrip().endswith(", good")
+            return file.readline().rstrip()
     except OSError:
-        return False
+        return ""
 
 
 def _stem(output: Path | None, recording: Path) -> Path:

@@ -71,6 +71,20 @@ def test_a_piece_of_a_lap_is_refused_unless_it_is_meant(recordings, here, capsys
     assert np.hypot(*np.diff(rows[:, 1:3], axis=0).T).sum() == pytest.approx(figures["way_m"], rel=0.02)
 
 
+@pytest.mark.parametrize("name", ["lab.yaml", "lab.pgm", "lab.png"])
+def test_a_map_of_another_program_is_not_replaced(name, recordings, here, capsys):
+    piece = ["map", str(recordings / "piece.mcap"), "--open", "-o", "lab.yaml"]
+    (here / name).write_text("image: hall.png\n")
+    assert cli.main(piece) == 2
+    said = capsys.readouterr().err
+    assert (
+        said == f"wallride: {name} is there, and not from `wallride map`: name another map with -o, or move it away\n"
+    )
+    assert [(file.name, file.read_text()) for file in here.iterdir()] == [(name, "image: hall.png\n")]
+    (here / name).unlink()
+    assert [cli.main(piece) for _ in range(2)] == [0, 0], "its own it replaces"
+
+
 @pytest.mark.parametrize(
     ("scale", "said"), [(1.0003, "the way as it is"), (1 / 1.03, "3.0 % too much way"), (1.02, "2.0 % too little way")]
 )
