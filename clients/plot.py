@@ -44,7 +44,7 @@ class Curve:
         """Add one message."""
         try:
             value = number_at(decode(self.topic, payload), self.path)
-        except (UnreadableError, LookupError) as error:
+        except (UnreadableError, LookupError, OverflowError) as error:
             self.trouble = str(error.args[0])
             return
         self.trouble = ""

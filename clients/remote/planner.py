@@ -102,6 +102,6 @@ class RemotePlanner(SourceBlock):
             self._news.set()
 
     def _on_status(self, _key: str, payload: bytes, arrival_s: float) -> None:
-        with suppress(ValueError, TypeError):  # the next one comes in a tenth of a second
+        with suppress(AttributeError, LookupError, TypeError, ValueError):  # the next one comes in a tenth of a second
             self._acceptance.hear(topics.decode(payload), arrival_s)
             self._news.set()

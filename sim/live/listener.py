@@ -36,7 +36,7 @@ class Listener:
     poses: stamp, x and y of the car on its map, as the status tells them. reasons_s: for how long it decided for which
     reason.
     latest: the newest message of each topic; `distance_error` as {"error_m": metres}.
-    problem: why nothing is received, "" while messages arrive.
+    problem: why nothing is received, "" while messages arrive. malformed: messages that could not be read.
     """
 
     def __init__(self, endpoint: str, car: str, session: str, user_code: UserCode = NO_USER_CODE) -> None:
@@ -52,6 +52,7 @@ class Listener:
         self.poses: list[tuple[float, float, float]] = []
         self.reasons_s: dict[str, float] = {}
         self.problem = "nothing was heard from it"
+        self.malformed = 0
         self._heard = asyncio.Event()
         self._bus: Bus | None = None
 
@@ -110,15 +111,21 @@ class Listener:
         return reply(payload)
 
     def _on_sample(self, key: str, payload: bytes, _arrival_s: float) -> None:
-        topic = key.removeprefix(self._prefix)
+        try:
+            self._take(key.removeprefix(self._prefix), payload)
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, struct.error):
+            self.malformed += 1  # any program may write on the topic
+
+    def _take(self, topic: str, payload: bytes) -> None:
         if topic == topics.STATUS:
             status = topics.decode(payload)
             if status.get("session") == self._session:
-                self._count_reason(self.latest.get(topic, {}), status)
-                self.latest[topic], self.problem = status, ""
-                self._count_faults(self._user_code.faults_in(status))
+                faults, pose = self._user_code.faults_in(status), dict(status.get("pose") or {})
+                before, self.latest[topic] = self.latest.get(topic, {}), status
+                self.problem = ""
+                self._count_faults(faults)
                 self._heard.set()
-                pose = status.get("pose") or {}
+                self._count_reason(before, status)
                 if pose.get("whereabouts") == "located" and len(self.poses) < MAX_POSES:
                     self.poses.append((pose["stamp_s"], pose["x_m"], pose["y_m"]))
             else:

@@ -70,6 +70,9 @@ def test_messages_become_points_and_trouble_is_shown():
     status.hear(STATUS, 10.0)
     bad.hear(STATUS, 10.0)
     error.hear(b"\x00", 11.0)
+    bad.hear(b'{"state": 1%s}' % (b"0" * 400), 11.0)
+    assert "too large" in bad.title
+    bad.hear(STATUS, 12.0)
     assert list(error.points) == [(10.0, -0.25)]
     assert "distance_error" in error.title
     assert status.title == "status:scan_to_motor_ms.p99  2.5"

@@ -2,6 +2,7 @@
 
 import asyncio
 from datetime import UTC, datetime
+from typing import Any
 
 import pytest
 
@@ -11,7 +12,8 @@ from tests.runtime.teleop.planner_rig import STEP_S, Planner, Rig
 from wallride.clients.keys.authority import Authority
 from wallride.clients.remote.acceptance import ACCEPTED_WITHIN_S, Acceptance
 from wallride.clients.remote.driver import DriveRefusedError
-from wallride.clients.remote.planner import PlanRefusedError
+from wallride.clients.remote.hand import ScriptedHand
+from wallride.clients.remote.planner import PlanRefusedError, RemotePlanner
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.ports import free_endpoint
@@ -53,6 +55,16 @@ def test_a_name_that_the_car_does_not_list_is_answered_with_those_that_it_lists(
     entering = Entering(Rig(), "slma")
     assert "lists no planner slma; its planners.names: slam, nn, ros2" in entering.acceptance.refused
     assert "planners.enabled = true" in Entering(Rig(names=()), "slam").acceptance.refused
+
+
+@pytest.mark.parametrize("status", [b"", b"3", b'{"planners": 3}', b'{"planners": {"planners": {"slam": {}}}}'])
+def test_a_status_that_cannot_be_read_is_dropped(status):
+    thread: Any = None
+    planner = RemotePlanner(thread, thread, "car1", "slam", ScriptedHand(2.0, 0.3))
+    planner._acceptance.hear({"planners": {"planners": {"slam": {"accepted": 0, "refused": {}}}}}, 0.0)
+    planner._acceptance.begin(0.0)
+    planner._on_status("wallride/car1/status", status, 0.1)
+    assert not planner._acceptance.accepted
 
 
 def test_a_planner_that_is_not_heard_is_told_the_likely_cause_in_time():

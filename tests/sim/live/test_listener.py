@@ -91,3 +91,20 @@ async def test_it_asks_which_settings_were_changed_since_the_drive_began():
         await asyncio.wait([listening])
         await car.close()
     assert (change.stamp_s, change.new) == (110.0, 110.0)
+
+
+@pytest.mark.parametrize(
+    ("topic", "payload"),
+    [
+        *((topics.STATUS, payload) for payload in (b"", b"3", b"{", b"\xff", b'{"session": "0000cafe", "output": 3}')),
+        (topics.STATUS, b'{"session": "0000cafe", "pose": {"whereabouts": "located"}, "stamp_s": 2.0}'),
+        (topics.DISTANCE_ERROR, b""),
+    ],
+)
+def test_what_cannot_be_read_is_dropped_and_counted(topic, payload):
+    listener = Listener("", "car1", "0000cafe")
+    good = {"session": "0000cafe", "stamp_s": 1.0, "output": {"reason": "wall"}}
+    for message, text in ((topics.STATUS, topics.encode(good)), (topic, payload), (topics.STATUS, topics.encode(good))):
+        listener._on_sample(topics.key("car1", message), text, 0.0)
+    assert listener.malformed == 1
+    assert listener.latest == {topics.STATUS: good}
