@@ -23,6 +23,7 @@ from wallride.sim.figures.tum import tum_text
 from wallride.sim.live.asked_scene import SimUsageError, asked_world, build_scene, wishes
 from wallride.sim.live.drive_summary import (
     HEARD,
+    along_the_line,
     failed_to_record,
     laps_missing,
     plot_drive,
@@ -89,7 +90,7 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
         print(f"wallride: {error}", file=sys.stderr)  # noqa: T201
         return KILLED if stop.killed else USAGE_ERROR if error.exit_code == USAGE_ERROR else FAILED
     if options.json != "-":
-        _show(summary, answer, put_back=options.put_back)
+        _show(summary, answer, race, put_back=options.put_back)
     write_answer(json.dumps(summary, indent=2) + "\n", options.json)
     if summary["failed"]:
         return _failed(summary["failed"])
@@ -129,9 +130,11 @@ def _load(options: argparse.Namespace, config: Path, saved: Path) -> Settings:
     return settings
 
 
-def _show(summary: dict[str, Any], console: Console, *, put_back: bool) -> None:
+def _show(summary: dict[str, Any], console: Console, race: Race | None, *, put_back: bool) -> None:
     """Print the table, and where the drive was recorded."""
     console.print(summary_table(summary))
+    if race is not None and race.notice:
+        console.print(f"wallride: {race.notice}", soft_wrap=True)
     if summary.get("collided") and not put_back:
         console.print(
             "The car touched something: that ends a simulated drive (with --put-back it drives on from the start)."
@@ -193,12 +196,16 @@ def _drive(
         "contacts": scene.contacts,
         "laps": len(scene.lap_times_s),
         "lap_times_s": scene.lap_times_s,
-        **(race_figures(*record.as_driven(), race.line, origin, scene.lap_times_s) if race is not None else {}),
+        **(_race_figures(race, record, origin, scene.lap_times_s) if race is not None else {}),
         "conditions": conditions.changed(),
         "changed_while_driving": live.done + len(record.changes),
     }
     _write_drive(options, settings, record, world, origin if race is not None else Pose(0.0, 0.0, 0.0))
     return summary
+
+
+def _race_figures(race: Race, record: Record, origin: Pose, laps_s: list[float]) -> dict[str, Any]:
+    return along_the_line(record.reasons_s) | race_figures(*record.as_driven(), race.line, origin, laps_s)
 
 
 def _write_drive(options: argparse.Namespace, settings: Settings, record: Record, world: World, origin: Pose) -> None:

@@ -65,18 +65,27 @@ def laps_missing(summary: Mapping[str, Any], wanted: int | None) -> str:
     """Return how many of the wanted laps were driven, and what kept the car from more; "" where none is missing."""
     if wanted is None or summary["laps"] >= wanted:
         return ""
-    told = sorted(summary["seconds_by_reason"].items(), key=lambda one: -one[1])
+    stops = summary["hard_stops"]
+    why = ["it touched something"] if summary["collided"] else []
+    why += [f"{stops} hard stop{'s' if stops > 1 else ''}"] if stops else []
+    why += _kept_by(summary["seconds_by_reason"])
+    driven = f"{summary['laps']} of {wanted} laps in {summary['duration_s']:.0f} s"
+    return f"{driven}; {'; '.join(why)}" if why else f"{driven}; more time: --duration"
+
+
+def along_the_line(reasons_s: Mapping[str, float]) -> dict[str, Any]:
+    """Return for how long a car drove its race line, and what kept it otherwise. reasons_s: as of `Record`."""
+    return {"raced_s": round(reasons_s.get(DRIVES, 0.0), 2), "kept_by": _kept_by(reasons_s)}
+
+
+def _kept_by(reasons_s: Mapping[str, float]) -> list[str]:
+    told = sorted(reasons_s.items(), key=lambda one: -one[1])
     kept = [
         f"{seconds:.0f} s: {reason}"
         for reason, seconds in told
         if reason not in UNDER_WAY and seconds >= LEAST_REASON_S
     ]
-    stops = summary["hard_stops"]
-    why = ["it touched something"] if summary["collided"] else []
-    why += [f"{stops} hard stop{'s' if stops > 1 else ''}"] if stops else []
-    why += kept[:MOST_REASONS]
-    driven = f"{summary['laps']} of {wanted} laps in {summary['duration_s']:.0f} s"
-    return f"{driven}; {'; '.join(why)}" if why else f"{driven}; more time: --duration"
+    return kept[:MOST_REASONS]
 
 
 def _stands_because(decision: Mapping[str, Any] | None) -> str | None:
@@ -182,6 +191,8 @@ ROWS: Mapping[str, tuple[str, Words]] = {
     "distance_m": ("distance driven", _in("m")),
     "mean_abs_error_m": ("mean distance error", _in("m")),
     "rms_error_m": ("RMS distance error", _in("m")),
+    "raced_s": ("along the race line for", _in("s")),
+    "kept_by": ("kept from it", "; ".join),
     "line_rms_m": ("last lap off the line, RMS", _in("m")),
     "line_largest_m": ("last lap off the line, at most", _in("m")),
     "trajectory_rms_m": ("found poses off the truth, RMS", _in("m")),

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import pytest
 from rich.console import Console
 
+from tests.runtime.control.line_following.lines import circle
 from tests.sim.live.emulated import car, running
 from wallride import cli
 from wallride.drivers.vesc.settings import VescSettings
@@ -22,6 +23,7 @@ from wallride.sim.figures.summary import Sample
 from wallride.sim.live import command, drive_summary
 from wallride.sim.live.record import MAX_TRACK, Record, ThinnedTrack
 from wallride.sim.live.session import SimulatorSession
+from wallride.sim.racing.race import Race
 from wallride.sim.world.pose import Pose
 
 
@@ -236,6 +238,21 @@ def test_why_laps_are_missing_is_told(changes, said):
     summary = {"laps": 0, "duration_s": 300.0, "collided": False, "hard_stops": 0, "seconds_by_reason": {}, **changes}
     assert drive_summary.laps_missing(summary, 5) == said
     assert drive_summary.laps_missing(summary, None) == ""
+
+
+def test_a_race_says_how_long_it_raced_what_kept_it_and_that_the_map_is_of_another_place():
+    reasons_s = {"race line": 3.04, "joining the race line": 2.0, "the pose is not known: along the wall": 14.9}
+    raced, never = map(drive_summary.along_the_line, (reasons_s, {"wall": 9.0}))
+    assert raced == {"raced_s": 3.04, "kept_by": ["15 s: the pose is not known: along the wall"]}
+    assert never == {"raced_s": 0.0, "kept_by": []}
+    out = io.StringIO()
+    told = Console(file=out, width=200)
+    summary: dict[str, Any] = {"world": "loop", **raced, "recording": None}
+    command._show(summary, told, Race(circle(), notice="lab.yaml is the map of a lap in levine"), put_back=False)
+    text = out.getvalue()
+    assert "along the race line for │ 3.04 s" in text
+    assert "kept from it │ 15 s: the pose is not known: along the wall" in " ".join(text.split())
+    assert "wallride: lab.yaml is the map of a lap in levine" in text
 
 
 @pytest.mark.parametrize(("laps", "code"), [(2, 1), (3, 0)])
