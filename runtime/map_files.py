@@ -37,7 +37,7 @@ MAX_BYTES: Final = 64 << 20
 MAX_WALL_POINTS: Final = 500_000
 FINGERPRINT_DIGITS: Final = 12
 SCALES: Final = (0.5, 2.0)
-DRIVE_AGAIN: Final = ". Drive the lap again"
+DRIVE_AGAIN: Final = "; drive the lap again"
 """Remedy at the end of the sentence on a refused map."""
 LAP_START: Final = (0.0, 0.0, 0.0)
 """Pose at which the lap of a map of `wallride map` began."""

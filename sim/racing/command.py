@@ -3,7 +3,6 @@
 import argparse
 import json
 import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -13,7 +12,7 @@ import numpy as np
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.host.output_files import write_answer, write_files
 from wallride.runtime.line_files import LINE_SUFFIX, map_of_line
-from wallride.runtime.map_files import fingerprint, refusal_of
+from wallride.runtime.map_files import MapError, fingerprint, refusal_of
 from wallride.runtime.settings.driven_car import driven_car
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.racing.free_space import FreeSpace
@@ -22,7 +21,7 @@ from wallride.sim.racing.raceline import NoLineError, RaceLine, race_line
 from wallride.sim.racing.ring import driven_path, read_path, ring_of, ring_of_path
 from wallride.sim.racing.speed_profile import Grip
 from wallride.sim.world.place import World
-from wallride.sim.world.worlds import is_map, load_world
+from wallride.sim.world.worlds import is_map, is_there, load_world
 
 NARROWER_M: Final = 0.03
 """A line may be this much nearer to a wall than asked before that is said: the points of its bounds are 3 cm apart."""
@@ -33,6 +32,7 @@ SPARE_M: Final = 0.05
 
 def run(options: argparse.Namespace) -> int:
     """Write the line; ValueError, SettingsError and OSError for what the user can correct."""
+    _check_map(options.map)
     if options.path is None and options.side is None and is_map(options.map):
         options.path = driven_path(Path(options.map))
     world = load_world(Path(options.map) if is_map(options.map) else options.map, side=options.side)
@@ -58,12 +58,17 @@ def run(options: argparse.Namespace) -> int:
         picture: lambda file: save_picture(file, world.outline_m, line, title),
     })  # fmt: skip
     write_answer(json.dumps(figures(line)) + "\n", options.json)
-    if map_print and (refused := refusal_of(Path(options.map))):
-        print(f"wallride: {options.map}: {refused}", file=sys.stderr)  # noqa: T201 - beside the answer
     if options.json != "-":
         for text in (*summary(line, options.keep_m, world.name), f"written: {target}, {picture}"):
             print(text)  # noqa: T201 - this is the command's answer
     return 0
+
+
+def _check_map(name: str) -> None:
+    """Refuse the image of a map, and a map that is not to be trusted. Raises: MapError."""
+    why_not = "" if is_there(name) else "is no map's .yaml"
+    if Path(name).is_file() and (why_not := refusal_of(Path(name)) if is_map(name) else why_not):
+        raise MapError(f"{name}: {why_not}")
 
 
 def _default_target(beside: Path, map_print: str) -> Path:

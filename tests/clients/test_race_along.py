@@ -130,7 +130,7 @@ async def test_a_map_without_a_line_and_another_car_s_file_are_named(made, car_t
 async def test_a_refused_map_is_not_raced_along(made, car_toml):
     made.write_text("# map by wallride of a.mcap, refused: the ring is open\nimage: lab.pgm\n")
     async with Car() as car:
-        with pytest.raises(ConnectionProblemError, match=r"lab\.yaml: the map is refused: the ring is open\. Drive"):
+        with pytest.raises(ConnectionProblemError, match=r"lab\.yaml: the map is refused: the ring is open; drive"):
             await car.race(made, "--config", car_toml)
     assert car.restarts == 0
     assert car_toml.read_text() == FILE

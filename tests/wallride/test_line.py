@@ -94,22 +94,20 @@ def test_a_place_to_avoid_lies_on_the_map(place, here, capsys):
     assert f"--avoid {place}: lies beside the map, whose walls lie at x -6.0 to 6.0 m" in capsys.readouterr().err
 
 
-@pytest.mark.usefixtures("without_picture")
-def test_the_line_of_a_refused_map_says_so(here, capsys):
-    cells = np.full((80, 120), 254, np.uint8)
-    cells[[0, -1]] = cells[:, [0, -1]] = cells[25:55, 25:95] = 0
-    (here / "lab.pgm").write_bytes(b"P5 120 80 255\n" + cells.tobytes())
-    about = "image: lab.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
-    for head, said in (
-        ("", ""),
-        ("# map by wallride of a.mcap, refused: the ring is open\n", "refused: the ring is open"),
+@pytest.mark.parametrize("drawn", [b"P5 120 80 255\n" + bytes(9600), b"no image"])
+def test_a_refused_map_has_no_line_whatever_is_drawn_on_it(drawn, here, capsys):
+    (here / "lab.pgm").write_bytes(drawn)
+    about = (
+        "# map by wallride of a.mcap, refused: the ring is open\nimage: lab.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n"
+    )
+    (here / "lab.yaml").write_text(about)
+    for name, said in (
+        ("lab.yaml", "the map is refused: the ring is open; drive the lap again"),
+        ("lab.pgm", "is no map's .yaml"),
     ):
-        (here / "lab.yaml").write_text(head + about)
-        assert cli.main(["line", "lab.yaml"]) == 0
-        answer = capsys.readouterr()
-        assert "s a lap in theory" in answer.out
-        assert said in answer.err
-        assert bool(answer.err) == bool(said)
+        assert cli.main(["line", name]) == 2
+        assert capsys.readouterr().err == f"wallride: {name}: {said}\n"
+    assert not (here / "lab.line.csv").exists()
 
 
 @pytest.mark.parametrize(

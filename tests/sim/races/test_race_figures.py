@@ -118,7 +118,7 @@ def test_contacts_races_that_end_early_and_courses_without_a_race_are_told():
     touched = run_of(2.5, contact=FirstContact(25.0, 3.0, Pose(0.0, 0.0, 0.0)))
     figures = {"reason": "", "theory_s": 9.0, **figures_of(touched, LINE, SAME)}
     short = cell("track:seed=7").named(common(touched) | figures)
-    refused = row(cell("/maps/gbr.yaml"), map_refused="the map is refused: the ring is open. Drive the lap again")
+    refused = row(cell("/maps/gbr.yaml"), map_refused="the map is refused: the ring is open; drive the lap again")
     (table,) = tables([short, not_raced(cell("/maps/hall.yaml"), "no way round"), refused])
     assert [line[0] for line in table.rows] == ["track:seed=7", "gbr"]
     assert table.rows[0][COLUMNS.index("contacts")] == "1"
