@@ -32,6 +32,8 @@ HEADING_RAD, TURN_RAD = 0.3, 0.2
 """Largest angle between a heading and the way to the next point, and between the turn that curvatures say over TURN_M
 and that of the headings: both of `wallride line` differ by less than 0.01."""
 TURN_M: Final = 1.0
+STEERABLE: Final = 0.99
+"""Least share of the car's smallest radius that a line may turn on: what is written of it was rounded."""
 MOST_SOLID: Final = 0.02
 """Largest share of points that are on no free cell of the map."""
 AGAINST_LAP: Final = ", against the lap"
@@ -41,10 +43,11 @@ OF_MAP: Final = re.compile(r", map ([0-9a-f]+)$")
 AGAIN: Final = "Make it again: wallride line"
 
 
-def read_line(path: Path, map_file: Path | None = None) -> CourseLine:
+def read_line(path: Path, map_file: Path | None = None, car: CarSettings | None = None) -> CourseLine:
     """Return the line of a file of `wallride line`. Raises: MapError, with what to do.
 
-    map_file: the map that it is driven on; a line that names another one is refused.
+    map_file: the map that it is driven on; a line that names another one is refused. car: so is one that it cannot
+    steer, or that is too near a wall for it.
     """
     rows, is_against_lap = [], False
     try:
@@ -76,6 +79,8 @@ def read_line(path: Path, map_file: Path | None = None) -> CourseLine:
     line = CourseLine(places, along_m, table[:, 3], table[:, 4], speed_mps, float(steps_m.sum()), is_against_lap)
     if why_not := _contradiction(line, steps_m):
         raise MapError(f"{path}: {why_not}. {AGAIN}")
+    if car is not None and (why_not := _too_tight(line, table[:, 7], car)):
+        raise MapError(f"{path}: {why_not}. {AGAIN} {map_file or 'MAP.yaml'}")
     return line
 
 
@@ -106,6 +111,22 @@ def _contradiction(line: CourseLine, steps_m: Floats) -> str:
     place = int(np.argmax(over_rad > TURN_RAD))
     if over_rad[place] > TURN_RAD:
         return f"after s {line.along_m[place]:g} m kappa_radpm is not the turn of yaw_rad; it is positive to the left"
+    return ""
+
+
+def _too_tight(line: CourseLine, away_m: Floats, car: CarSettings) -> str:
+    """Return where a car cannot drive a line, "" where it can. away_m: of each point from the nearest wall, (n,)."""
+    needed_m = car.wheelbase_m / math.tan(car.narrower_end_rad)
+    place = int(np.argmax(np.abs(line.curvature_radpm)))
+    radius_m = 1.0 / max(float(abs(line.curvature_radpm[place])), 1e-9)
+    if radius_m < needed_m * STEERABLE:
+        return f"after s {line.along_m[place]:.1f} m it turns on {radius_m:.2f} m, and this car needs {needed_m:.2f} m"
+    place = int(np.argmin(away_m))
+    if away_m[place] < car.half_width_m:
+        return (
+            f"after s {line.along_m[place]:.1f} m it is {away_m[place]:.2f} m from a wall, and half of this car is"
+            f" {car.half_width_m:.2f} m wide"
+        )
     return ""
 
 
@@ -167,7 +188,7 @@ def read_course(settings: PoseMapSettings, car: CarSettings) -> RaceCourse | Non
     beside = path.with_name(path.stem + LINE_SUFFIX)
     known = read_map(path)
     named = Path(settings.line).expanduser() if settings.line else beside if beside.is_file() else None
-    line = read_line(named, path) if named is not None else None
+    line = read_line(named, path, car) if named is not None else None
     if line is not None and known.grid is not None and (why_not := _through_walls(line, known.grid)):
         raise MapError(f"{named}: {why_not} of {path}. {AGAIN}")
     return course_of(known, settings.start, car, line)
@@ -175,7 +196,9 @@ def read_course(settings: PoseMapSettings, car: CarSettings) -> RaceCourse | Non
 
 def check_course(file: Path) -> None:
     """Read a map with its walls and line, as a car that starts does. Raises: MapError, with what to do."""
-    read_course(PoseMapSettings(file=str(file)), CarSettings())
+    read_course(
+        PoseMapSettings(file=str(file)), CarSettings(max_steering_rad=1.1)
+    )  # what it steers is the car's to say
 
 
 def _through_walls(line: CourseLine, grid: MapGrid) -> str:

@@ -62,9 +62,10 @@ def take_race(options: argparse.Namespace, config: Path | None = None, saved: Pa
         options.world = options.world or DEFAULT_WORLD
         return None
     named = [f"map.file={options.race.resolve()}", *options.assignments]
-    own_line = load_settings(config, named, saved).map.line
+    settings = load_settings(config, named, saved)
+    own_line, car = settings.map.line, settings.car
     try:
-        line = read_line(Path(own_line).expanduser() if own_line else line_of_map(options.race), options.race)
+        line = read_line(Path(own_line).expanduser() if own_line else line_of_map(options.race), options.race, car)
         options.world, race = placed(line, options.race, options.world)
     except MapError as error:
         raise SettingsError(str(error)) from None

@@ -10,10 +10,13 @@ from tests.runtime.control.line_following.lines import circle
 from tests.runtime.test_map_files import box, round_the_box, write
 from wallride.runtime.control.safety.promised_way import MOTOR_BRAKE_MPS2
 from wallride.runtime.control.vehicle import CarSettings
-from wallride.runtime.line_files import AGAINST_LAP, read_course, read_line, why_no_line
+from wallride.runtime.line_files import AGAINST_LAP, check_course, read_course, read_line, why_no_line
 from wallride.runtime.map_files import MapError, fingerprint, walls_text
 from wallride.runtime.settings.pose_map import PoseMapSettings
 from wallride.runtime.settings.tree import Settings
+
+CAR = CarSettings(max_steering_rad=0.6)
+"""It turns on 0.48 m: the room of `box` is small."""
 
 
 def text(line, **changes):
@@ -75,21 +78,21 @@ def test_a_file_that_is_no_line_is_refused_with_its_place(tmp_path, content, sai
 
 def test_the_line_beside_the_map_is_taken_and_another_by_its_name(tmp_path):
     map_ = write(tmp_path, box())
-    assert read_course(PoseMapSettings(), CarSettings()) is None
-    assert read_course(PoseMapSettings(file=str(map_)), CarSettings()).line is None
+    assert read_course(PoseMapSettings(), CAR) is None
+    assert read_course(PoseMapSettings(file=str(map_)), CAR).line is None
     map_.with_name(f"{map_.stem}.line.csv").write_text(in_the_box(1.0))
-    assert read_course(PoseMapSettings(file=str(map_)), CarSettings()).line.speed_at(0.0) == 1.0
+    assert read_course(PoseMapSettings(file=str(map_)), CAR).line.speed_at(0.0) == 1.0
     other = tmp_path / "other.csv"
     other.write_text(in_the_box(3.0))
     named = PoseMapSettings(file=str(map_), line=str(other))
-    assert read_course(named, CarSettings()).line.speed_at(0.0) == 3.0
+    assert read_course(named, CAR).line.speed_at(0.0) == 3.0
     other.write_text(f"# a line{AGAINST_LAP}\n{other.read_text()}")
     map_.with_name(f"{map_.stem}.walls.csv").write_text(walls_text(round_the_box(), 1.0, "of a lap"))  # and so a start
-    courses = [read_course(one, CarSettings()) for one in (PoseMapSettings(file=str(map_)), named)]
+    courses = [read_course(one, CAR) for one in (PoseMapSettings(file=str(map_)), named)]
     assert [course.line.is_against_lap for course in courses] == [False, True]
     assert [len(course.localizer._starts) for course in courses] == [1, 2], "it may stand there either way round"
     with pytest.raises(MapError, match=r"none\.csv: No such file"):
-        read_course(PoseMapSettings(file=str(map_), line=str(tmp_path / "none.csv")), CarSettings())
+        read_course(PoseMapSettings(file=str(map_), line=str(tmp_path / "none.csv")), CAR)
 
 
 @pytest.mark.parametrize("changed", [np.flipud, lambda shades: shades[:, :-1]])
@@ -97,11 +100,29 @@ def test_the_line_of_another_map_is_refused_with_the_next_step(tmp_path, changed
     map_ = write(tmp_path, box())
     line = map_.with_name(f"{map_.stem}.line.csv")
     line.write_text(in_the_box().replace("# a line", f"# a line, map {fingerprint(map_)}"))
-    assert read_course(PoseMapSettings(file=str(map_)), CarSettings()).line is not None
+    assert read_course(PoseMapSettings(file=str(map_)), CAR).line is not None
     write(tmp_path, changed(box()))
     with pytest.raises(MapError, match=f"the line of another map than .*: wallride line {map_} -o {line}"):
-        read_course(PoseMapSettings(file=str(map_)), CarSettings())
+        read_course(PoseMapSettings(file=str(map_)), CAR)
     assert read_line(line).length_m > 1.0, "without a map it is a line as any"
+
+
+@pytest.mark.parametrize(
+    ("car", "said"),
+    [
+        ({"max_steering_rad": 0.3}, r"after s [\d.]+ m it turns on 0\.60 m, and this car needs 1\.07 m"),
+        ({"half_width_m": 0.3}, r"after s 0\.0 m it is 0\.20 m from a wall, and half of this car is 0\.30 m wide"),
+    ],
+)
+def test_a_line_that_this_car_cannot_steer_or_is_too_wide_for_is_refused_with_the_next_step(tmp_path, car, said):
+    map_ = write(tmp_path, box())
+    line = circle(0.6)
+    beside = map_.with_name(f"{map_.stem}.line.csv")
+    beside.write_text(text(line, x=line.places_m.real + 1.0, y=line.places_m.imag - 0.5, away=0.0 * line.along_m + 0.2))
+    assert read_course(PoseMapSettings(file=str(map_)), CAR).line is not None
+    check_course(map_)  # a program beside the car does not know what it steers
+    with pytest.raises(MapError, match=rf"m\.line\.csv: {said}\. Make it again: wallride line {map_}$"):
+        read_course(PoseMapSettings(file=str(map_)), CAR.model_copy(update=car))
 
 
 @pytest.mark.parametrize("shift", [0.9, -3.0, 1e9])
@@ -110,7 +131,7 @@ def test_a_line_through_walls_or_beside_the_map_is_refused_with_its_place(tmp_pa
     beside = map_.with_name(f"{map_.stem}.line.csv")
     beside.write_text(in_the_box(shift=shift))
     with pytest.raises(MapError, match=r"m\.line\.csv: the line leads through what is not free, at x [-0-9]+\.\d m, y"):
-        read_course(PoseMapSettings(file=str(map_)), CarSettings())
+        read_course(PoseMapSettings(file=str(map_)), CAR)
 
 
 def test_a_map_in_a_folder_of_another_user_is_told_where_it_is_read(tmp_path, monkeypatch):
@@ -122,4 +143,4 @@ def test_a_map_in_a_folder_of_another_user_is_told_where_it_is_read(tmp_path, mo
     monkeypatch.setattr(Path, "stat", closed)
     assert why_no_line(follow, PoseMapSettings(file=str(map_))) == ""
     with pytest.raises(MapError, match=r"\.yaml: Permission denied$"):
-        read_course(PoseMapSettings(file=str(map_)), CarSettings())
+        read_course(PoseMapSettings(file=str(map_)), CAR)

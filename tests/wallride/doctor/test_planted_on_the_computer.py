@@ -59,7 +59,7 @@ def test_the_map_and_its_line_are_looked_at(tmp_path):
     assert "make it: wallride line" in found(named, line)[1]
     assert found(line)[0] is Level.WARN
     lab.with_name("m.line.csv").write_text(in_the_box())
-    assert found(named, line) == (Level.OK, "m, with a race line")
+    assert found(named, line, "car.max_steering_rad=0.6") == (Level.OK, "m, with a race line")
     assert found(named, f"map.line={tmp_path / 'away.csv'}")[0] is Level.FAIL
     assert found(f"map.file={tmp_path / 'away.yaml'}")[0] is Level.FAIL
     assert "map" in [one.subject for one in check_program(healthy(tmp_path / "one"), settings(named))]
