@@ -2,6 +2,9 @@
 
 import argparse
 import sys
+import time
+import tomllib
+from contextlib import suppress
 from pathlib import Path
 
 from wallride import client_options
@@ -10,6 +13,8 @@ from wallride.parser import Commands, add_json, number
 from wallride.runtime.host.terminal_text import say
 
 KEYS = "space pauses, + and - change the speed, arrows go 5 s, page keys 30 s, home begins anew, q ends"
+AGES = (("days", 86_400), ("h", 3600), ("min", 60), ("s", 1))
+"""Units of a recording's age, with their seconds."""
 
 
 def add(commands: Commands) -> None:
@@ -88,7 +93,7 @@ def run_offline(module: str, options: argparse.Namespace, *, extra: str = "sim")
         options.file = newest()
         if options.file is None:
             return fail("there is no recording on this computer yet: name a FILE, or drive: wallride sim")
-        say(f"the newest recording: {options.file}", file=sys.stderr)
+        say(f"the newest recording: {options.file} ({_about(options.file)})", file=sys.stderr)
     for name in ("file", "beside"):
         if getattr(options, name, None) is not None:
             setattr(options, name, found(getattr(options, name)))
@@ -113,6 +118,21 @@ def _tell_unfinished(path: Path) -> None:
 
     if path.is_file() and file_state(path) == "recording":
         say(f"{path} is still being recorded: this is of what it holds so far", file=sys.stderr)
+
+
+def _about(path: Path) -> str:
+    """Return a recording's world, length and age, in words, as far as they are known."""
+    from wallride.runtime.recording.channels import SETTINGS
+    from wallride.runtime.recording.file_summary import duration_s
+    from wallride.sim.recordings import RecordingError
+    from wallride.sim.replay.drive_log import read_log
+
+    age_s, length_s, world = time.time() - path.stat().st_mtime, duration_s(path), ""
+    with suppress(RecordingError, ValueError, AttributeError):
+        world = str(tomllib.loads(read_log(path, SETTINGS).settings_text).get("recording", {}).get("world", ""))
+    unit, unit_s = next(one for one in AGES if age_s >= one[1] or one[1] == 1)
+    length = f"{length_s:.1f} s long" if length_s is not None else ""
+    return ", ".join(filter(None, [world, length, f"{max(0.0, age_s) / unit_s:.0f} {unit} old"]))
 
 
 def newest() -> Path | None:

@@ -101,13 +101,16 @@ def is_mcap(path: Path) -> bool:
         raise RecordingError(f"{path} cannot be opened: {error.strerror or error}.") from error
 
 
-def read_log(path: Path) -> DriveLog:
-    """Return all complete data of an MCAP file; RecordingError when there is none."""
+def read_log(path: Path, until: str | None = None) -> DriveLog:
+    """Return all complete data of an MCAP file; RecordingError when there is none.
+
+    until: a topic; little more is read than up to its first message.
+    """
     log = DriveLog(path.stem)
     reading = _Reading(log)
     try:
         with path.open("rb") as file:
-            reading.read(file, path.stat().st_size)
+            reading.read(file, path.stat().st_size, until)
     except UnpackingError as error:
         raise RecordingError(f"{path}: {error}.") from None
     except ModuleNotFoundError as error:
@@ -132,7 +135,7 @@ class _Reading:
         self._damaged: Counter[str] = Counter()
         self._unpacking = Unpacking(0)
 
-    def read(self, file: Any, size_bytes: int) -> None:  # noqa: ANN401 - mcap takes any binary file
+    def read(self, file: Any, size_bytes: int, until: str | None) -> None:  # noqa: ANN401 - mcap takes any binary file
         from mcap.stream_reader import StreamReader
 
         self._unpacking = Unpacking(size_bytes)
@@ -140,6 +143,8 @@ class _Reading:
         try:
             for record in reader.records:
                 self._take(record)
+                if until is not None and any(message.topic == until for message in self._log.messages):
+                    break
         except UnpackingError:
             raise
         except Exception as error:  # noqa: BLE001 - a parser that meets damage raises anything; told to the user

@@ -23,7 +23,7 @@ from wallride.sim.replay.drive_log import DriveLog
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
     path = tmp_path_factory.mktemp("drives") / "drive.mcap"
-    record(path, seconds=2.0)
+    record(path, seconds=2.0, sections={"recording": {"world": "loop --side left"}})
     return path
 
 
@@ -57,7 +57,12 @@ def test_without_a_file_the_newest_recording_is_taken_and_named(command, drive, 
         (folder / f"{name}.mcap").write_bytes(drive.read_bytes())
         os.utime(folder / f"{name}.mcap", (time.time() - age,) * 2)
     assert wallride(*command) == 0
-    assert capsys.readouterr().err == f"the newest recording: {folder / names[1]}.mcap\n", "not a black box"
+    said = capsys.readouterr().err
+    path, about = said.removeprefix("the newest recording: ").removesuffix(")\n").split(" (")
+    assert path == f"{folder / names[1]}.mcap", "not a black box"
+    world, length, age = about.split(", ")
+    assert (world, age[-5:]) == ("loop --side left", "s old")
+    assert 0.0 < float(length.removesuffix(" s long")) < 60.0
 
 
 def test_a_recording_that_is_still_written_is_said_to_be_one(drive, tmp_path, capsys):
