@@ -95,7 +95,8 @@ def line_of_map(file: Path) -> Path:
 def world_words(world: str, side: Side, start: Pose | None) -> str:
     """Return what a recording says of where it was driven, from which its map has it. start: None for the world's."""
     pose = f" --pose {start.x_m:.6g},{start.y_m:.6g},{start.yaw_rad:.6g}" if start is not None else ""
-    return f"{world} --side {side}{pose}"
+    named = Path(world).resolve() if is_map(world) else world  # the map will be read in another folder
+    return f"{named} --side {side}{pose}"
 
 
 def placed(line: CourseLine, file: Path, named: str | None) -> tuple[str, Race]:
@@ -112,7 +113,8 @@ def placed(line: CourseLine, file: Path, named: str | None) -> tuple[str, Race]:
         return named, Race(line, notice=f"{file.name} is the map of a lap in {world}, not in {named}" if world else "")
     if not world:
         raise MapError(f"--race {file}: it does not tell its world; {name_it}")
-    chosen = named or (world if is_there(world) else str(file.parent / world))
+    places = (world, str(file.parent / world), str(file.parent / Path(world).name))
+    chosen = named or next(filter(is_there, places), world)
     if named is None and (not is_there(chosen) or Path(chosen).resolve() == file.resolve()):
         raise MapError(f"--race {file}: the world that its lap was driven in, {world}, is not here; {name_it}")
     try:

@@ -79,6 +79,7 @@ def test_the_world_of_a_map_is_found_where_it_was_beside_the_map_or_asked_for(ra
         chosen = options(race)
         assert take_race(chosen).origin == Pose(1.0, 2.0, 3.0)
         assert chosen.world == str(told)
+    assert world_words("hall/skirk.yaml", "left", None) == f"{drawn} --side left"
     race.write_text("# world: skirk.yaml\n")
     with pytest.raises(SettingsError, match=r"skirk\.yaml, is not here; name it first: wallride sim WORLD --race"):
         take_race(options(race))
@@ -88,6 +89,9 @@ def test_the_world_of_a_map_is_found_where_it_was_beside_the_map_or_asked_for(ra
     monkeypatch.chdir("/")
     beside = options(race)
     take_race(beside)
+    assert beside.world == str(tmp_path / "skirk.yaml")
+    race.write_text("# world: /moved/since/skirk.yaml --side left\n")
+    take_race(beside := options(race))
     assert beside.world == str(tmp_path / "skirk.yaml")
     for told in ("skirk", "lab.yaml"):  # as maps told it once; and this map itself is not what it was made of
         race.write_text(f"# world: {told}\n")
