@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -24,8 +25,8 @@ def run(options: argparse.Namespace) -> int:
     runs = [_shown(file, tag, options) for file, tag in zip(files, "AB" if len(files) > 1 else ("",), strict=True)]
     text = page(*runs)
     write_file(target, text)
-    if options.json is None:
-        print(f"{target}: {len(text) / 1000:.0f} kB")  # noqa: T201 - this is the command's answer
+    where = sys.stdout if options.json is None else sys.stderr
+    print(f"{target}: {len(text) / 1000:.0f} kB", file=where)
     figures = [one.numbers for one in runs]
     write_answer(json.dumps(figures[0] if len(figures) == 1 else figures, indent=2) + "\n", options.json)
     return 0

@@ -211,7 +211,8 @@ def test_the_command_writes_page_and_figures(path, tmp_path, capsys):
     figures = json.loads((tmp_path / "figures.json").read_text())
     cells = Reader(target.read_text()).cells
     assert cells["rms_error_m"] == [f"{figures['rms_error_m']:.3g} m", "0.25 m"]
-    assert capsys.readouterr().out == ""
+    said = capsys.readouterr()
+    assert (said.out, said.err) == ("", f"{target}: {len(target.read_text()) / 1000:.0f} kB\n")
 
 
 def test_a_summary_beside_the_recording_is_found(path, tmp_path):
