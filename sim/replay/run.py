@@ -1,4 +1,4 @@
-"""Data of a recorded run, as plain series on one clock; times are seconds since its first message."""
+"""Data of a recorded run, as plain series on one clock; times are seconds since its decision log began."""
 
 import math
 from bisect import bisect_left
@@ -10,10 +10,15 @@ from typing import Any
 import numpy as np
 
 from wallride.runtime.arbitration.command import NO_WINNER
+from wallride.runtime.recording import decision_codec
+from wallride.runtime.recording.channels import TAPE
+from wallride.runtime.recording.decision_codec import TapeError
+from wallride.runtime.recording.decision_log import ScanEvent
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.wire import topics
 from wallride.sim.replay.drive_log import NS, DriveLog, LoggedMessage, decode
 from wallride.sim.replay.faults import RecordedFault, faults_in
+from wallride.sim.replay.reenact import first_time_s
 from wallride.sim.replay.settings_text import TunedSetting, settings_of, tuned_in
 from wallride.sim.world.pose import Floats
 
@@ -69,8 +74,8 @@ class MuxChange:
 class RecordedRun:
     """All data of the page. statuses: (time, fields). duration_s: to the last message.
 
-    zero_unix_s: the first message's time since 1970, 0 where it has no date. settings: at the beginning. tuned: changes
-    of them, with their times. faults: what went wrong, with its time.
+    zero_unix_s: when its decision log began, without one its first message's time, since 1970, 0 where it has no date.
+    settings: at the beginning. tuned: changes of them, with their times. faults: what went wrong, with its time.
     """
 
     name: str
@@ -108,7 +113,7 @@ class RecordedRun:
 
 def run_of(log: DriveLog) -> RecordedRun:
     """Return the run recorded in a log. No code of the user runs: the answers of an own law are in the log."""
-    zero_ns = min((message.stamp_ns for message in log.messages if message.stamp_ns > 0), default=0)
+    zero_ns = _begins_ns(log) or min((message.stamp_ns for message in log.messages if message.stamp_ns > 0), default=0)
     if log.messages and log.messages[0].stamp_ns < SECONDS_OF_A_DAY * NS:  # foreign recordings have no date
         zero_ns = 0
 
@@ -141,6 +146,19 @@ def run_of(log: DriveLog) -> RecordedRun:
         faults=[(seconds(one.stamp_ns), one) for one in faults_in(log)],
         duration_s=max((seconds(message.stamp_ns) for message in log.messages), default=0.0),
     )
+
+
+def _begins_ns(log: DriveLog) -> int:
+    """Return when the decision log began, since 1970, from which `wallride replay` counts; 0 where there is none."""
+    try:
+        events = decision_codec.decode(log.of(TAPE)[0].payload)
+    except (IndexError, TapeError):
+        return 0
+    stamps_ns = {message.sequence: message.stamp_ns for message in log.of(topics.SCAN)}
+    scans = (event for event in events if isinstance(event, ScanEvent) and event.sequence in stamps_ns)
+    if (scan := next(scans, None)) is None:
+        return 0
+    return stamps_ns[scan.sequence] + round((first_time_s(events) - scan.stamp_s) * NS)
 
 
 def _wishes(log: DriveLog) -> list[LoggedMessage]:

@@ -11,6 +11,7 @@ from wallride.sim.recordings import RecordingError
 from wallride.sim.replay.drive_log import read_log
 from wallride.sim.replay.moment import moment_at_scan, moment_at_time
 from wallride.sim.replay.reenact import duration_s, events_of
+from wallride.sim.replay.run import run_of
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +84,14 @@ def test_a_time_outside_the_recording_is_refused_with_its_range(dead_end, log, t
     ends = f"{duration_s(events_of(log)):.3f}"
     assert (said.out, said.err.endswith(f": {text} s is not in it: give a time from 0 to {ends} s.\n")) == ("", True)
     assert main(["replay", str(dead_end), "--at", ends]) == 0
+
+
+def test_its_time_is_that_of_the_report_which_may_lack_the_first_messages(log):
+    later_ns = min(message.stamp_ns for message in log.of("scan")) + 200_000_000
+    cut = replace(log, messages=[one for one in log.messages if one.stamp_ns > later_ns])
+    times_s = {message.sequence: at_s for at_s, message in run_of(cut).scans}
+    for scan in (77, 201):
+        assert times_s[scan] == pytest.approx(moment_at_scan(log, scan).time_s, abs=0.01)
 
 
 def test_a_scan_without_an_answer_names_its_neighbours(log):
