@@ -48,6 +48,8 @@ def _truth(file: Path, summary: Path | None) -> Mapping[str, Any] | None:
     path = summary or file.with_suffix(".summary.json")
     if summary is None and not path.is_file():
         return None
+    if not path.is_file():
+        raise RecordingError(f"--summary {path}: there is no such file; `wallride sim --json` writes one.")
     try:
         found = json.loads(path.read_text())
     except (OSError, ValueError) as error:

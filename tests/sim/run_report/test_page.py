@@ -232,6 +232,11 @@ def test_what_is_no_summary_is_refused(path, tmp_path, content):
         )
 
 
+def test_a_summary_that_is_not_there_is_said_to_be_missing(path, tmp_path):
+    with pytest.raises(RecordingError, match=r"--summary .*none\.json: there is no such file; `wallride sim --json`"):
+        command.run(offline(path, output=tmp_path / "run.html", beside=None, summary=tmp_path / "none.json", json=None))
+
+
 def test_a_full_disk_is_blamed_on_the_page_and_not_on_the_recording(path):
     with pytest.raises(OSError, match="No space left") as full:
         command.run(offline(path, output=Path("/dev/full"), beside=None, summary=None, json=None))
