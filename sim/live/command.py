@@ -152,6 +152,13 @@ def _scenario_scene(options: argparse.Namespace, scenario: Scenario) -> Scenario
     return ScenarioScene(scenario, options.laps)
 
 
+def _instead_of_laps(options: argparse.Namespace) -> str:
+    if not is_map(options.world):
+        return "give --duration instead"
+    ways = "wallride map -o lab.yaml, wallride line lab.yaml, wallride sim --race lab.yaml"
+    return f"give --duration instead: a lap is known only after one was driven and mapped: {ways} --laps {options.laps}"
+
+
 def _judged(scenario: Scenario, scene: ScenarioScene, console: Console) -> int:
     """Tell what the expectations came to; 1 when one of them does not hold, 2 for a mistake that the drive showed."""
     judged, mistakes = judge(scenario, scene.driven), mistakes_after(scenario, scene.driven)
@@ -174,7 +181,7 @@ def _drive(
         raise SimUsageError(f"--lidar {options.lidar}: a scenario drives with the Hokuyo, whose faults it sets")
     world = scene.world
     if options.laps and world.lap is None:
-        raise SimUsageError(f"--laps {options.laps}: {world.name} has no lap; give --duration instead")
+        raise SimUsageError(f"--laps {options.laps}: {world.name} has no lap; {_instead_of_laps(options)}")
     duration_s = options.duration or (options.laps * MAX_LAP_S if options.laps else DEFAULT_DURATION_S)
     if race is not None and not sees_its_lap(world, vehicle.pose):
         console.print("wallride: the car begins outside of the course: it sees no part of the line", soft_wrap=True)

@@ -5,6 +5,7 @@ import io
 import math
 import pickle
 import time
+from argparse import Namespace
 from collections.abc import Sequence
 from typing import Any, Literal
 
@@ -262,3 +263,10 @@ def test_a_drive_of_fewer_laps_than_asked_for_has_failed(monkeypatch, capsys, la
     monkeypatch.setattr(command, "_drive", lambda *_, **__: summary)
     assert cli.main(["sim", "loop", "--laps", "3", "--headless"]) == code
     assert ("wallride: 2 of 3 laps in 40 s; 2 hard stops" in capsys.readouterr().err) is bool(code)
+
+
+def test_a_world_without_a_lap_is_told_how_it_gets_one():
+    maps, built_in = (command._instead_of_laps(Namespace(world=world, laps=3)) for world in ("levine.yaml", "dead_end"))
+    assert built_in == "give --duration instead"
+    assert "a lap is known only after one was driven and mapped: wallride map -o lab.yaml, wallride line" in maps
+    assert maps.endswith("wallride sim --race lab.yaml --laps 3")
