@@ -6,6 +6,7 @@ import json
 import math
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,9 @@ from rich.console import Console
 from wallride.runtime.host.output_files import write_answer, write_file
 from wallride.runtime.host.user_module import UserCodeError
 from wallride.runtime.line_files import why_no_line
+from wallride.runtime.recording.disk import Disk
+from wallride.runtime.recording.ring import MB, entries
+from wallride.runtime.settings.recording import car_folder
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.car.vehicle import Vehicle, VehicleSettings
 from wallride.sim.devices import lidar_kinds
@@ -76,7 +80,7 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
             options.race = race = take_race(options, config, saved)
             scenario = read_scenario(options, config)
             settings = _load(options, config, saved)
-        _say_first(console, saved, race)
+        _say_first(console, saved, race, settings)
         _check_length(options)
         if options.cars > 1:
             return _fleet(options, config, settings, stop, (console, answer), is_scenario=scenario is not None)
@@ -104,12 +108,18 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
     return _judged(scenario, scene, answer) if scenario is not None and scene is not None else 0
 
 
-def _say_first(console: Console, saved: Path, race: Race | None) -> None:
+def _say_first(console: Console, saved: Path, race: Race | None, settings: Settings) -> None:
     """Say what a driver may not expect of the drive."""
     if saved.exists():
         console.print(f"[dim]with what was saved in {saved} (delete it to forget)[/dim]", soft_wrap=True)
     if race is not None and race.notice:
         console.print(f"wallride: {race.notice}", soft_wrap=True)
+    kept = settings.recording
+    folder = car_folder(kept.model_copy(update={"simulated": True}), settings.car.name)
+    with suppress(OSError):  # such a folder is told in the summary
+        room_bytes = Disk().free_bytes(folder) + sum(entry.size_bytes for entry in entries(folder))
+        if kept.enabled and room_bytes < kept.keep_free_mb * MB:
+            console.print(f"wallride: nothing will be recorded: less than {kept.keep_free_mb} MB of the disk are free")
 
 
 def _failed(words: str) -> int:

@@ -270,3 +270,13 @@ def test_a_world_without_a_lap_is_told_how_it_gets_one():
     assert built_in == "give --duration instead"
     assert "a lap is known only after one was driven and mapped: wallride map -o lab.yaml, wallride line" in maps
     assert maps.endswith("wallride sim --race lab.yaml --laps 3")
+
+
+@pytest.mark.parametrize(("keep_mb", "is_said"), [(0, False), (10**9, True)])
+def test_a_disk_without_room_for_a_recording_is_told_before_the_drive(tmp_path, keep_mb, is_said):
+    out = io.StringIO()
+    told = Console(file=out, width=200)
+    chosen = [f"recording.folder={tmp_path / 'none'}", f"recording.keep_free_mb={keep_mb}"]
+    command._say_first(told, tmp_path / "saved.toml", None, load_settings(None, chosen))
+    said = f"wallride: nothing will be recorded: less than {keep_mb} MB of the disk are free\n"
+    assert out.getvalue() == said * is_said
