@@ -25,11 +25,11 @@ from wallride import (
 )
 from wallride.bringup import calibrate_options, doctor_options, emulate_options, import_options
 from wallride.deploy import options as deploy_options
-from wallride.failure import TRACEBACK_VARIABLE, USAGE_ERROR, fail, fail_at_place, forget_output, needs, report
+from wallride.failure import TRACEBACK_VARIABLE, fail, fail_at_place, forget_output, needs, report
 from wallride.fleet import options as fleet_options
 from wallride.new import options as new_options
 from wallride.parser import Commands, GroupedParser, Parser, add_config, add_set, default_config
-from wallride.runtime.host.terminal_text import one_line, say
+from wallride.runtime.host.terminal_text import USAGE_ERROR, one_line, say
 from wallride.service import options as service_options
 from wallride.vesc import options as vesc_options
 

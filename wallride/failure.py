@@ -12,9 +12,8 @@ from importlib import import_module
 from pathlib import Path
 
 from wallride.runtime.host.extras import how_to_install
-from wallride.runtime.host.terminal_text import one_line, say
+from wallride.runtime.host.terminal_text import complain, one_line, say
 
-USAGE_ERROR = 2
 UNEXPECTED = 1
 ASKED_AGAIN_S = 0.02
 OF_A_PLACE = frozenset({
@@ -30,8 +29,7 @@ OWN_PACKAGE = "wallride"
 
 def fail(message: str) -> int:
     """Print the error in one line and return its exit code."""
-    say(f"wallride: {one_line(message)}", file=sys.stderr)
-    return USAGE_ERROR
+    return complain(one_line(message))
 
 
 def fail_at_place(error: OSError) -> int | None:

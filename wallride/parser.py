@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Never, TypeAlias
 
-from wallride.failure import USAGE_ERROR, fail_at_place, forget_output
-from wallride.runtime.host.terminal_text import one_line, say
+from wallride.failure import fail_at_place, forget_output
+from wallride.runtime.host.terminal_text import USAGE_ERROR, one_line, say
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # noqa: SLF001 - there is no public name
 """Where a command is added to the others."""

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from typing import Final, TextIO, TypeVar
 
 LONGEST: Final = 2000
+USAGE_ERROR: Final = 2
+"""Exit code of a command that the user can correct."""
 CLEAR_SCREEN: Final = "\x1b[H\x1b[2J"
 Answer = TypeVar("Answer")
 YES, NO = frozenset({"y", "yes"}), frozenset({"n", "no"})
@@ -28,6 +30,12 @@ def say(text: str = "", *, file: TextIO | None = None, end: str = "\n") -> None:
     head = text[: len(text) - len(body)]
     lines = "\n".join(map(_escaped, body.split("\n")))
     print(head + lines, file=file or sys.stdout, end=end, flush=True)
+
+
+def complain(words: object, code: int = USAGE_ERROR) -> int:
+    """Say on standard error what is wrong, and return the exit code."""
+    say(f"wallride: {words}", file=sys.stderr)
+    return code
 
 
 def _escaped(text: str) -> str:

@@ -1,18 +1,16 @@
 """`wallride lab fit FILE...`: estimates a car's parameters from recordings of its drives."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
 from wallride.runtime.host.output_files import write_file
+from wallride.runtime.host.terminal_text import complain
 from wallride.sim.fit.estimate import CarEstimate, conditions_text, distance, estimate, rows
+from wallride.sim.lab.command import answer_console
 from wallride.sim.recordings import RecordingError
-
-USAGE_ERROR = 2
-_PIPE_WIDTH = 160
 
 
 def run(options: argparse.Namespace) -> int:
@@ -23,9 +21,8 @@ def run(options: argparse.Namespace) -> int:
         if options.out is not None:
             write_file(options.out, conditions_text(found))
     except RecordingError as error:
-        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
-        return USAGE_ERROR
-    _show(found, Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH), options.out)
+        return complain(error)
+    _show(found, answer_console(), options.out)
     return 0
 
 

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from wallride.runtime.host.output_files import write_answer
+from wallride.runtime.host.terminal_text import complain
 from wallride.runtime.line_files import read_course
 from wallride.runtime.map_files import MapError
 from wallride.runtime.settings.tree import SettingsError
@@ -27,7 +28,6 @@ from wallride.sim.world.own_parts import OWN_PARTS
 from wallride.sim.world.pose import Side
 
 C = TypeVar("C", bound=Cell)
-USAGE_ERROR = 2
 INTERRUPTED = 130
 SPEEDS_MPS, QUICK_SPEEDS_MPS = (1.0, 2.0, 3.0, 4.0), (1.0, 3.0)
 MUS, QUICK_MUS = (0.5, 0.8, 1.0), (0.8,)
@@ -62,8 +62,7 @@ def run(options: argparse.Namespace) -> int:
         began_s = time.monotonic()
         figures = measure_all(cells, options.jobs, options.plot, console)
     except (LabUsageError, ConditionsError) as error:
-        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
-        return USAGE_ERROR
+        return complain(error)
     except KeyboardInterrupt:
         console.print("interrupted; nothing was written")
         return INTERRUPTED
@@ -97,7 +96,7 @@ def chosen(options: argparse.Namespace, mus: tuple[float, ...] = MUS) -> CellCho
         getattr(options, "recordings", ()),
         _distance_m(options),
         getattr(options, "generated", False),
-        _own_parts(own_parts),
+        checked_own_parts(own_parts),
         _settings(options, laws_chosen),
         conditions,
     )
@@ -185,7 +184,8 @@ def _distance_m(options: argparse.Namespace) -> float:
     return distances_m[0] if distances_m else DESIRED_M
 
 
-def _own_parts(kind: str | None) -> str:
+def checked_own_parts(kind: str | None) -> str:
+    """Return the kind of own parts, "" for none named; LabUsageError for an unknown one."""
     if kind is not None and kind not in OWN_PARTS:
         raise LabUsageError(f"--own-parts {kind}: write one of {', '.join(OWN_PARTS)}")
     return kind or ""
@@ -223,6 +223,14 @@ def _found_maps(options: argparse.Namespace) -> tuple[str, ...]:
     return next((found for place in nearby if (found := maps_in(place))), ())
 
 
+def check_folder(path: Path, what: str) -> None:
+    """Refuse a folder for `what` that -o names where none can be made, before minutes of driving; LabUsageError."""
+    if path.exists() and not path.is_dir():
+        raise LabUsageError(f"-o {path}: is a file; name a folder for {what}")
+    if not path.absolute().parent.is_dir():
+        raise LabUsageError(f"-o {path}: there is no folder {path.parent}; make it first")
+
+
 def _check_outputs(options: argparse.Namespace) -> None:
     """Check the folder of pictures before minutes of driving, not after them."""
     if options.plot is not None and options.plot.exists() and not options.plot.is_dir():
@@ -256,10 +264,15 @@ def write(
     write_answer(json.dumps(summary, indent=1, allow_nan=False) + "\n", options.json)
 
 
+def answer_console(*, markup: bool = True) -> Console:
+    """Return standard output for tables."""
+    # A file or a pipe has no width of its own: use one that no table breaks.
+    return Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH, markup=markup)
+
+
 def show(tables: Sequence[TabledCell], took: str) -> None:
     """Print tables with their notes. took: what was run, and how long."""
-    # A file or a pipe has no width of its own: use one that no table breaks.
-    console = Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH, markup=False)
+    console = answer_console(markup=False)
     for made in tables:
         table = Table(*made.columns, title=made.title, title_justify="left")
         for row in made.rows:

@@ -5,7 +5,6 @@
 the user, and "my_laws:Follower+my_laws:Guard" one of the user's safety laws beside the car's own.
 """
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -15,6 +14,7 @@ from wallride.runtime.control.guidance import Follower, Guard
 from wallride.runtime.control.laws import FOLLOWERS, SAFETY, LawStack, Parts
 from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.own_laws.law_class import OWN_TAG, is_own, load_law
+from wallride.runtime.host.terminal_text import complain
 from wallride.runtime.line_files import read_course
 from wallride.runtime.settings.driven_car import driven_car
 from wallride.runtime.settings.tree import Settings, load_settings
@@ -123,7 +123,7 @@ def tell_own_law_faults(laws: Sequence[str], rows: Sequence[Mapping[str, Any]]) 
     """Say on standard error which of the user's laws stopped a car; return the exit code, 0 where none did."""
     faults = own_law_faults(laws, rows)
     for fault in faults:
-        print(f"wallride: the car stood: {fault}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+        complain(f"the car stood: {fault}")
     return 1 if faults else 0
 
 

@@ -3,7 +3,6 @@
 import argparse
 import json
 import os
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
@@ -12,16 +11,16 @@ from pathlib import Path
 from rich.console import Console
 
 from wallride.runtime.host.output_files import write_files
+from wallride.runtime.host.terminal_text import complain
 from wallride.runtime.settings.tree import SettingsError
 from wallride.sim.lab import laws
 from wallride.sim.lab.cell import Cell, Figures
-from wallride.sim.lab.command import INTERRUPTED, USAGE_ERROR, LabUsageError
+from wallride.sim.lab.command import INTERRUPTED, LabUsageError, check_folder, checked_own_parts
 from wallride.sim.lab.pool import measure_all
 from wallride.sim.lab.report.plan import REPORT_LAW, ReportPlan, first_round, second_round
 from wallride.sim.lab.report.tables import averaged
 from wallride.sim.lab_report.page import document, html_page, markdown_page
 from wallride.sim.scenario.conditions import ConditionsError, RequestedConditions, named_conditions, named_once
-from wallride.sim.world.own_parts import OWN_PARTS
 
 LAWS = ("report", "law")
 """Prefixes of settings for the cars of one law."""
@@ -39,8 +38,7 @@ def run(options: argparse.Namespace) -> int:
         folder = _folder(options.output)
         rows = measure(plan, options.jobs, console)
     except (LabUsageError, ConditionsError) as error:
-        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
-        return USAGE_ERROR
+        return complain(error)
     except KeyboardInterrupt:
         console.print("interrupted; nothing was written")
         return INTERRUPTED
@@ -83,8 +81,6 @@ def plan_of(options: argparse.Namespace) -> ReportPlan:
     if law.endswith("+none") or law.startswith("report+"):
         raise LabUsageError(f"--method {options.method}: write a follower other than report, with its safety")
     conditions, friction, own_parts, wild = _conditions(options)
-    if own_parts not in OWN_PARTS:
-        raise LabUsageError(f"--own-parts {own_parts}: write one of {', '.join(OWN_PARTS)}")
     if not 0.1 <= friction <= 2.0:
         raise LabUsageError(f"--friction {friction:g}: write a number from 0.1 to 2")
     if not 0.0 <= wild <= 0.5:
@@ -111,7 +107,8 @@ def _conditions(options: argparse.Namespace) -> tuple[tuple[str, ...], float, st
     friction = named_once(conditions, "vehicle.grip_mu", "--friction", options.friction)
     own_parts = named_once(conditions, "lidar.own_parts", "--own-parts", options.own_parts)
     wild = named_once(conditions, "lidar.outlier_share", "--wild", options.wild)
-    return conditions, FRICTION_MU if friction is None else friction, own_parts or "none", wild or 0.0
+    parts = checked_own_parts(own_parts) or "none"
+    return conditions, FRICTION_MU if friction is None else friction, parts, wild or 0.0
 
 
 def _settings(assignments: Sequence[str], whose: str) -> list[str]:
@@ -130,10 +127,7 @@ def _settings(assignments: Sequence[str], whose: str) -> list[str]:
 
 
 def _folder(path: Path) -> Path:
-    if path.exists() and not path.is_dir():
-        raise LabUsageError(f"-o {path}: is a file; name a folder for the pages")
-    if not path.absolute().parent.is_dir():
-        raise LabUsageError(f"-o {path}: there is no folder {path.parent}; make it first")
+    check_folder(path, "the pages")
     if not os.access(path if path.exists() else path.absolute().parent, os.W_OK | os.X_OK):
         raise LabUsageError(f"-o {path}: is not writable; name another folder")
     return path

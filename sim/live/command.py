@@ -4,7 +4,6 @@ import argparse
 import asyncio
 import json
 import math
-import sys
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -14,6 +13,7 @@ from typing import Any
 from rich.console import Console
 
 from wallride.runtime.host.output_files import write_answer, write_file
+from wallride.runtime.host.terminal_text import USAGE_ERROR, complain
 from wallride.runtime.host.user_module import UserCodeError
 from wallride.runtime.line_files import why_no_line
 from wallride.runtime.recording.disk import Disk
@@ -42,7 +42,7 @@ from wallride.sim.live.record import Record
 from wallride.sim.live.scenario_scene import ScenarioScene, read_scenario
 from wallride.sim.live.scenes import RecordingScene, WorldScene
 from wallride.sim.live.screen import LiveView, address_in, operate_hint, port_notice, starting
-from wallride.sim.live.session import USAGE_ERROR, RuntimeStart, SessionError, SimulatorSession, innermost
+from wallride.sim.live.session import RuntimeStart, SessionError, SimulatorSession, innermost
 from wallride.sim.live.stop_request import StopRequest
 from wallride.sim.live.user_code import UserCode
 from wallride.sim.racing.race import Race, race_figures, sees_its_lap, take_race, world_words
@@ -88,23 +88,21 @@ def simulate(options: argparse.Namespace, stop: StopRequest) -> int:
         drive = _replay if options.recording is not None else partial(_drive, chosen=scene)
         summary = drive(options, config, settings, stop, console)
     except (SettingsError, UserCodeError, RecordingError, ConditionsError, FileMistakeError, SimUsageError) as error:
-        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
-        return USAGE_ERROR
+        return complain(error)
     except SessionError as error:
-        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201
-        return KILLED if stop.killed else USAGE_ERROR if error.exit_code == USAGE_ERROR else FAILED
+        return complain(error, KILLED if stop.killed else USAGE_ERROR if error.exit_code == USAGE_ERROR else FAILED)
     if options.json != "-":
         _show(summary, answer, race, put_back=options.put_back)
     write_answer(json.dumps(summary, indent=2) + "\n", options.json)
     if summary["failed"]:
-        return _failed(summary["failed"])
+        return complain(summary["failed"], FAILED)
     if failed_to_record(summary["recording"]):
         return FAILED
     if summary["telemetry"] != HEARD:
-        return _failed(f"{summary['telemetry']}; winners and faults are not known")
+        return complain(f"{summary['telemetry']}; winners and faults are not known", FAILED)
     missing = "" if options.recording is not None or stop.asked else laps_missing(summary, options.laps)
     if faults := [*UserCode.of(settings).faults(summary["faults"]), *filter(None, [missing])]:
-        return _failed("; ".join(faults))
+        return complain("; ".join(faults), FAILED)
     return _judged(scenario, scene, answer) if scenario is not None and scene is not None else 0
 
 
@@ -120,11 +118,6 @@ def _say_first(console: Console, saved: Path, race: Race | None, settings: Setti
         room_bytes = Disk().free_bytes(folder) + sum(entry.size_bytes for entry in entries(folder))
         if kept.enabled and room_bytes < kept.keep_free_mb * MB:
             console.print(f"wallride: nothing will be recorded: less than {kept.keep_free_mb} MB of the disk are free")
-
-
-def _failed(words: str) -> int:
-    print(f"wallride: {words}", file=sys.stderr)  # noqa: T201 - this is the command's voice
-    return FAILED
 
 
 def _load(options: argparse.Namespace, config: Path, saved: Path) -> Settings:
@@ -174,7 +167,7 @@ def _judged(scenario: Scenario, scene: ScenarioScene, console: Console) -> int:
     judged, mistakes = judge(scenario, scene.driven), mistakes_after(scenario, scene.driven)
     tell(scenario.text.path, judged, console)
     for words in mistakes:
-        print(f"wallride: {words}", file=sys.stderr)  # noqa: T201
+        complain(words)
     return USAGE_ERROR if mistakes else 0 if all(one.holds is not False for one in judged) else FAILED
 
 

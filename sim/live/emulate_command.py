@@ -15,13 +15,14 @@ from rich.console import Console
 
 from wallride.drivers.ydlidar.settings import YdlidarSettings
 from wallride.runtime.host.output_files import write_file
+from wallride.runtime.host.terminal_text import complain
 from wallride.runtime.own_drivers.settings import OwnMotorSettings
 from wallride.runtime.settings.devices import DEFAULT_DRIVERS
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.devices import lidar_kinds
 from wallride.sim.live.asked_scene import SimUsageError, build_scene
 from wallride.sim.live.emulated_car import DeviceAddresses, EmulatedCar, EmulatedPorts
-from wallride.sim.live.session import USAGE_ERROR, SessionError
+from wallride.sim.live.session import SessionError
 from wallride.sim.live.stop_request import StopRequest
 from wallride.sim.scenario.conditions import ConditionsError
 from wallride.sim.scenario.simulated_car import find_config
@@ -59,8 +60,7 @@ def emulate(options: argparse.Namespace, stop: StopRequest) -> int:
 
         asyncio.run(car.keep(options.duration or math.inf, stop, tell))
     except (SettingsError, ConditionsError, SimUsageError, SessionError, tomlkit.exceptions.TOMLKitError) as error:
-        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
-        return USAGE_ERROR
+        return complain(error)
     return 0
 
 

@@ -4,7 +4,6 @@ import argparse
 import asyncio
 import json
 import math
-import sys
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, replace
@@ -16,6 +15,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from wallride.runtime.host.output_files import write_answer
+from wallride.runtime.host.terminal_text import complain
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.wire.ports import free_endpoint
 from wallride.sim.car.vehicle import Vehicle
@@ -109,12 +109,11 @@ def write_fleet(summary: dict[str, Any], target: str | None, code: UserCode, con
         console.print(_table(summary))
     write_answer(json.dumps(summary, indent=2) + "\n", target)
     if summary["failed"]:
-        print(f"wallride: {summary['failed']}", file=sys.stderr)  # noqa: T201 - this is the command's voice
-        return 1
+        return complain(summary["failed"], 1)
     failed = {name: code.faults(car["faults"] or ()) for name, car in summary["cars"].items()}
     for name, faults in failed.items():
         if faults:
-            print(f"wallride: {name}: {'; '.join(faults)}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+            complain(f"{name}: {'; '.join(faults)}")
     if any(failed.values()):
         return 1
     return 1 if any(car["contacts"] or car["telemetry"] for car in summary["cars"].values()) else 0

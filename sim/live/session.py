@@ -19,6 +19,7 @@ from wallride.drivers.vesc.app_config import RECOMMENDED_BRAKE_A, RECOMMENDED_TI
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.ending import end
 from wallride.runtime.host.address_file import read_address
+from wallride.runtime.host.terminal_text import USAGE_ERROR
 from wallride.runtime.realtime.periodic import PeriodicTimer, Tick
 from wallride.runtime.settings.devices import AnyMotorSettings
 from wallride.runtime.wire import topics
@@ -48,7 +49,6 @@ SUM_UP_S = 10.0
 """Period after which samples are summed up: the car has been asked by then for settings that were changed."""
 START_TIMEOUT_S = 120.0
 """Timeout of the start: the first one compiles the hot path, which takes a busy computer a minute."""
-USAGE_ERROR = 2
 HEARD_WITHIN_S = 3.0
 """Timeout for the first message; a short drive is over before it arrives."""
 STAMP_MS = 1 << 24

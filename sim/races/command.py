@@ -1,7 +1,6 @@
 """`wallride lab races`: laps on the maps of courses, by several laws, as a table beside theory and published times."""
 
 import argparse
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -11,9 +10,10 @@ from tempfile import TemporaryDirectory
 
 from rich.console import Console
 
+from wallride.runtime.host.terminal_text import complain
 from wallride.sim.lab import laws
 from wallride.sim.lab.cell import CellChoice, Figures
-from wallride.sim.lab.command import INTERRUPTED, USAGE_ERROR, LabUsageError, chosen, only, show, write
+from wallride.sim.lab.command import INTERRUPTED, LabUsageError, check_folder, chosen, only, show, write
 from wallride.sim.lab.laps import LOOPS
 from wallride.sim.lab.pool import in_order, progress_bar
 from wallride.sim.lab.workers.submit import submit
@@ -47,8 +47,7 @@ def run(options: argparse.Namespace) -> int:
         with folder_of_maps(options.output) as folder:
             rows = measure(cells, folder, options.jobs, console)
     except (LabUsageError, ConditionsError) as error:
-        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
-        return USAGE_ERROR
+        return complain(error)
     except KeyboardInterrupt:
         console.print("interrupted; no table was made")
         return INTERRUPTED
@@ -102,9 +101,6 @@ def folder_of_maps(named: Path | None) -> Iterator[Path]:
         with TemporaryDirectory() as place:
             yield Path(place)
         return
-    if named.exists() and not named.is_dir():
-        raise LabUsageError(f"-o {named}: is a file; name a folder for the maps of the laps")
-    if not named.absolute().parent.is_dir():
-        raise LabUsageError(f"-o {named}: there is no folder {named.parent}; make it first")
+    check_folder(named, "the maps of the laps")
     named.mkdir(exist_ok=True)
     yield named.absolute()

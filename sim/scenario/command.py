@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,12 +11,13 @@ from rich.console import Console
 from rich.markup import escape
 
 from wallride.runtime.host.output_files import write_answer
+from wallride.runtime.host.terminal_text import USAGE_ERROR, complain
 from wallride.sim.scenario.driven import JudgedExpectation, judge, mistakes_after
 from wallride.sim.scenario.scenario_file import load_scenario
 from wallride.sim.scenario.toml_lines import FileMistakeError
 from wallride.sim.scenario.virtual_drive import drive_scenario
 
-FAILED, USAGE_ERROR, INTERRUPTED = 1, 2, 130
+FAILED, INTERRUPTED = 1, 130
 MARKS: Mapping[bool | None, str] = {True: "[green]pass[/green]", False: "[red]FAIL[/red]", None: "[dim]  ? [/dim]"}
 
 
@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _mistaken(mistakes: Sequence[str]) -> int:
     for words in mistakes:
-        print(f"wallride: {words}", file=sys.stderr)  # noqa: T201 - this is the command's voice
+        complain(words)
     return USAGE_ERROR
 
 

@@ -1,7 +1,6 @@
 """`wallride lab tune`: from the options to the study, its page and a settings file."""
 
 import argparse
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -12,10 +11,11 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from wallride.runtime.host.output_files import write_file
+from wallride.runtime.host.terminal_text import complain
 from wallride.runtime.parameters.toml_text import set_value
 from wallride.runtime.settings.tree import SettingsError, load_settings, read_value
 from wallride.sim.lab import laws
-from wallride.sim.lab.command import FIXED_SETTINGS, INTERRUPTED, USAGE_ERROR, LabUsageError
+from wallride.sim.lab.command import FIXED_SETTINGS, INTERRUPTED, LabUsageError, check_folder
 from wallride.sim.lab.pool import Measuring, in_order
 from wallride.sim.lab.tuning.drive import SCENARIOS, Scenario
 from wallride.sim.lab.workers.finished_cell import WorkerStartError
@@ -37,8 +37,7 @@ def run(options: argparse.Namespace) -> int:
         plan = plan_of(options)
         verdict = study_and_judge(plan, folder, options, console)
     except (LabUsageError, ConditionsError, SpaceError, StudyError, WorkerStartError) as error:
-        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
-        return USAGE_ERROR
+        return complain(error)
     except KeyboardInterrupt:
         console.print(f"interrupted; the same command goes on with the study in {folder}")
         return INTERRUPTED
@@ -53,10 +52,7 @@ def run(options: argparse.Namespace) -> int:
 
 def study_and_judge(plan: TuningPlan, folder: Path, options: argparse.Namespace, console: Console) -> TuningVerdict:
     """Run the trials that are missing and write the page and the settings file."""
-    if folder.exists() and not folder.is_dir():
-        raise LabUsageError(f"-o {folder}: is a file; name a folder for the study")
-    if not folder.absolute().parent.is_dir():
-        raise LabUsageError(f"-o {folder}: there is no folder {folder.parent}; make it first")
+    check_folder(folder, "the study")
     study = open_study(folder, plan)
     with (
         TuningProgress(console, options.trials, len(plan.scenarios)) as progress,

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 from wallride import cli, failure
+from wallride.runtime.host.terminal_text import USAGE_ERROR
 
 
 def fail_by(monkeypatch, command):
@@ -109,7 +110,7 @@ def test_a_place_that_cannot_be_used_is_a_sentence(mistake, monkeypatch, capsys)
         raise mistake(code, os.strerror(code), "/there/my_law.py")
 
     monkeypatch.setattr("wallride.service.options.add", lambda commands: _add(commands, "broken", broken))
-    assert cli.main(["broken"]) == failure.USAGE_ERROR
+    assert cli.main(["broken"]) == USAGE_ERROR
     (line,) = capsys.readouterr().err.splitlines()
     assert line == f"wallride: /there/my_law.py cannot be used: {os.strerror(code)}; name another place"
 

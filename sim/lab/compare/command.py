@@ -4,7 +4,6 @@ import argparse
 import json
 import math
 import re
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,6 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 from wallride.runtime.host.output_files import write_answer
+from wallride.runtime.host.terminal_text import complain
+from wallride.sim.lab.command import INTERRUPTED, answer_console
 from wallride.sim.lab.compare.pairs import ComparisonError, RunPairs, pairs_of
 from wallride.sim.lab.compare.statistics import PairedDifference, paired_difference
 from wallride.sim.lab.sweep.command import Workers, fill, keys_of
@@ -24,13 +25,11 @@ from wallride.sim.scenario.toml_lines import FileMistakeError, read_toml
 
 _SELECTED = re.compile(r"(.+\.(?:sqlite|db|toml)):([^:=]+=.+)")
 _OF_SWEEPS = frozenset({"world", SEEDS, GRID, RANDOM, "law", "duration_s"})
-USAGE_ERROR, INTERRUPTED = 2, 130
 FIGURES = (
     "mean_error_m", "rms_error_m", "steady_error_m", "overshoot_m", "mean_speed_mps", "distance_m", "min_clearance_m",
     "collided", "impact_mps", "safety_stops", "speed_lost", "best_lap_s",
 )  # fmt: skip
 MIN_CONFIDENCE, MAX_CONFIDENCE = 0.5, 0.999
-_PIPE_WIDTH = 160
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,16 +95,14 @@ def run(options: argparse.Namespace) -> int:
         pairs = pairs_of(maker.runs(options.a), maker.runs(options.b))
         compared = differences(pairs, _chosen(options.figures, pairs), options.confidence)
     except (ComparisonError, FileMistakeError, TableError, WorkerStartError) as error:
-        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
-        return USAGE_ERROR
+        return complain(error)
     except KeyboardInterrupt:
         console.print("interrupted; what has ended is kept, and the same command goes on")
         return INTERRUPTED
     if options.json is not None:
         _write(options, pairs, compared)
     if options.json != "-":
-        out = Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH)
-        show(pairs, compared, options.confidence, out)
+        show(pairs, compared, options.confidence, answer_console())
     return 0
 
 

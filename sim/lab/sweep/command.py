@@ -4,7 +4,6 @@ import argparse
 import csv
 import io
 import json
-import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
@@ -16,6 +15,8 @@ from rich.console import Console
 from rich.table import Table
 
 from wallride.runtime.host.output_files import write_answer
+from wallride.runtime.host.terminal_text import complain
+from wallride.sim.lab.command import INTERRUPTED, answer_console
 from wallride.sim.lab.figures import distinct, mean, text
 from wallride.sim.lab.pool import progress_bar
 from wallride.sim.lab.sweep.drive_cell import DriveCell, measure, settings_hash
@@ -25,10 +26,9 @@ from wallride.sim.lab.workers.finished_cell import WorkerStartError
 from wallride.sim.lab.workers.submit import submit
 from wallride.sim.scenario.toml_lines import FileMistakeError
 
-FAILED, USAGE_ERROR, INTERRUPTED = 1, 2, 130
+FAILED = 1
 MAX_LINES = 40
 SHOWN = ("mean_error_m", "rms_error_m", "mean_speed_mps", "min_clearance_m")
-_PIPE_WIDTH = 160
 Row = Mapping[str, Any]
 
 
@@ -65,14 +65,13 @@ def run(options: argparse.Namespace) -> int:
             count = fill(table, plan, keys, Workers(options.jobs, options.on), console)
             rows = [one.row() for one in table.runs(keys)]
     except (FileMistakeError, TableError, WorkerStartError) as error:
-        print(f"wallride: {error}", file=sys.stderr)  # noqa: T201 - this is the command's voice
-        return USAGE_ERROR
+        return complain(error)
     except KeyboardInterrupt:
         console.print(f"interrupted; what has ended is in {table_path}, and the same command goes on")
         return INTERRUPTED
     export(options, rows)
     if "-" not in {str(options.json), str(options.csv)}:
-        out = Console(width=None if sys.stdout.isatty() else _PIPE_WIDTH)
+        out = answer_console()
         _show(rows, plan, out)
         took_s = time.monotonic() - began_s
         out.print(
