@@ -227,16 +227,12 @@ def _quaternion(yaw_rad: float) -> tuple[float, float, float, float]:
     return 0.0, 0.0, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
 
 
-def _template(frame: str) -> Template:
+def _template(frame: str, holes: str = "") -> Template:
+    """Return a message that begins with a header of this frame, and goes on with numbers of these kinds."""
     out = Template()
     out.holes("iI")
     out.text(frame)
-    return out
-
-
-def _scan() -> Template:
-    out = _template(LASER)
-    out.holes("fffffffI")
+    out.holes(holes)
     return out
 
 
@@ -249,18 +245,6 @@ def _odometry() -> Template:
     out.put("dddd", 0.0, 0.0, 0.0, 0.0)
     out.holes("d")
     out.array("d", WHEEL_COVARIANCE_6X6)
-    return out
-
-
-def _pose() -> Template:
-    out = _template(MAP)
-    out.holes("d" * (7 + 36))
-    return out
-
-
-def _ackermann() -> Template:
-    out = _template(BASE)
-    out.holes("fffff")
     return out
 
 
@@ -305,6 +289,5 @@ def _transforms(*names: str) -> Template:
     return out
 
 
-_SCAN, _ODOMETRY, _POSE, _ACKERMANN, _FLOAT32, _IMU, _MOTOR = (
-    write() for write in (_scan, _odometry, _pose, _ackermann, _float32, _imu, _motor)
-)
+_SCAN, _POSE, _ACKERMANN = _template(LASER, "fffffffI"), _template(MAP, "d" * (7 + 36)), _template(BASE, "fffff")
+_ODOMETRY, _FLOAT32, _IMU, _MOTOR = _odometry(), _float32(), _imu(), _motor()
