@@ -35,12 +35,29 @@ def emulator_of(section: str, driver: str) -> Any:  # noqa: ANN401 - the user's
     return import_class(name)()
 
 
-class OwnLidarEmulator:
+class _OwnEmulator:
+    """A device of the user at a port. feed: answers what comes in."""
+
+    def __init__(self, feed: Callable[[bytes, float], bytes], clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._port = EmulatorPort(feed)
+
+    async def start(self) -> str:
+        """Listen; return the address."""
+        await self._port.start()
+        return self._port.address
+
+    async def close(self) -> None:
+        """Close the port."""
+        await self._port.unplug()
+
+
+class OwnLidarEmulator(_OwnEmulator):
     """A lidar of the user in the simulated world; takes the place of a `TurningEmulator`."""
 
     def __init__(self, emulator: LidarEmulator, *, clock: Callable[[], float] = time.monotonic) -> None:
-        self._emulator, self._clock = emulator, clock
-        self._port = EmulatorPort(emulator.feed)
+        super().__init__(emulator.feed, clock)
+        self._emulator = emulator
         self._due_s = -math.inf
         self.turns_past_back = 0
 
@@ -48,11 +65,6 @@ class OwnLidarEmulator:
     def streaming(self) -> bool:
         """Return whether a driver is connected."""
         return self._port.connected
-
-    async def start(self) -> str:
-        """Listen; return the address."""
-        await self._port.start()
-        return self._port.address
 
     def advance(self, now_s: float, see: See) -> float | None:
         """Measure where a scan is due, and send it; return the time after that, None where nothing was sent."""
@@ -67,26 +79,17 @@ class OwnLidarEmulator:
         self.turns_past_back += 1
         return self._clock() if data and self.streaming else None
 
-    async def close(self) -> None:
-        """Close the port."""
-        await self._port.unplug()
 
-
-class OwnMotorEmulator:
+class OwnMotorEmulator(_OwnEmulator):
     """A motor controller of the user before the simulated wheels; takes the place of a `VescEmulator`."""
 
     def __init__(
         self, emulator: MotorEmulator, on_command: Callable[[float, MotorDemand], None], *,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
-        self._emulator, self._on_command, self._clock = emulator, on_command, clock
-        self._port = EmulatorPort(self._feed)
+        super().__init__(self._feed, clock)
+        self._emulator, self._on_command = emulator, on_command
         self.imu: tuple[float, ...] = ()
-
-    async def start(self) -> str:
-        """Listen; return the address."""
-        await self._port.start()
-        return self._port.address
 
     @property
     def servo(self) -> float:
@@ -105,10 +108,6 @@ class OwnMotorEmulator:
         gain = WIRING.speed_to_erpm_gain
         self._port.send(self._feed(b"", self._clock()))
         self._port.send(self._emulator.report(erpm / gain, tachometer * 10 / gain))
-
-    async def close(self) -> None:
-        """Close the port."""
-        await self._port.unplug()
 
     def _feed(self, data: bytes, now_s: float) -> bytes:
         before = self._emulator.commands
