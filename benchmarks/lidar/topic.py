@@ -31,7 +31,7 @@ from wallride.runtime.wire.rmw_zenoh import Distro, RosGraph, attachment
 from wallride.runtime.wire.zenoh_config import client_config
 from wallride.sim.bench.answers import pair
 from wallride.sim.bench.course import BenchScans, Picture, make_course
-from wallride.sim.bench.devices import BenchTcpPort, LidarPort
+from wallride.sim.bench.devices import LidarPort
 from wallride.sim.bench.rig import BenchError, Rig
 
 RATE_HZ: Final = 40.0
@@ -81,7 +81,7 @@ class TopicPort(LidarPort):
     """A port of the bench whose scans are published."""
 
     def __init__(self, course: BenchScans) -> None:
-        super().__init__(course.model, BenchTcpPort())  # a door that nothing knocks at
+        super().__init__(course.model)  # a door that nothing knocks at
         self.settings = ("lidar.driver=topic", "ros2.enabled=true")
         beams = course.ranges_mm[: len(course.free)].astype(np.float32) / 1000
         self._beams_m = dict(zip(course.free, beams, strict=True))

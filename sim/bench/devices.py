@@ -76,19 +76,14 @@ class BenchTcpPort:
             self._client.close()
 
 
-class LidarPort:
+class LidarPort(BenchTcpPort):
     """Lidar port; one client. settings: the car's, as `--set` takes them."""
 
-    def __init__(self, model: SensorModel, door: BenchTcpPort) -> None:
+    def __init__(self, model: SensorModel) -> None:
+        super().__init__()
         self._sensor = ScipSensor(model, time.monotonic, lambda: None)
-        self._door = door
         self._served = False
-        self.settings: tuple[str, ...] = (f"lidar.address={door.address}",)
-
-    @property
-    def fd(self) -> int:
-        """Return the descriptor to wait on."""
-        return self._door.fd
+        self.settings: tuple[str, ...] = (f"lidar.address={self.address}",)
 
     @property
     def streaming(self) -> bool:
@@ -97,11 +92,11 @@ class LidarPort:
 
     def on_readable(self) -> None:
         """Accept a client, or process its bytes."""
-        chunk = self._door.read()
+        chunk = self.read()
         self._served = chunk != b""
         if chunk:
             for reply in self._sensor.feed(chunk):
-                self._door.write(reply)
+                self.write(reply)
         elif chunk == b"":
             self._sensor.forget_client()
 
@@ -111,11 +106,7 @@ class LidarPort:
 
     def send(self, block: bytes) -> None:
         """Send a scan; returns when the kernel has all of it."""
-        self._door.write(block)
-
-    def close(self) -> None:
-        """Close all descriptors."""
-        self._door.close()
+        self.write(block)
 
 
 @dataclass(slots=True)
@@ -133,25 +124,19 @@ class _Wheels:
         self.speed_mps, self.since_s = speed_mps, now_s
 
 
-class MotorPort:
+class MotorPort(BenchTcpPort):
     """VESC port. commands: all received ones, oldest first."""
 
-    def __init__(self, door: BenchTcpPort) -> None:
-        self._door = door
-        self.address = door.address
+    def __init__(self) -> None:
+        super().__init__()
         self.wheels = _Wheels()
         self.commands: list[MotorCommand] = []
         self._deframer = codec.VescDeframer()
         self._pending: tuple[float, bool] | None = None
 
-    @property
-    def fd(self) -> int:
-        """Return the descriptor to wait on."""
-        return self._door.fd
-
     def on_readable(self, at_s: float) -> None:
         """Process commands, answer requests. at_s: when there was something to read."""
-        for payload in self._deframer.feed(self._door.read() or b""):
+        for payload in self._deframer.feed(self.read() or b""):
             self._on_payload(payload, at_s)
 
     def _on_payload(self, payload: bytes, at_s: float) -> None:
@@ -169,18 +154,14 @@ class MotorPort:
                 "erpm": round(wheels.speed_mps * _GAIN),
                 "tachometer": round(wheels.distance_m * _GAIN / 10),
             }
-            self._door.write(codec.frame(values_reply(FIRMWARE, values)))
+            self.write(codec.frame(values_reply(FIRMWARE, values)))
         elif packet == Packet.FW_VERSION:
-            self._door.write(codec.frame(firmware_reply(FIRMWARE)))
+            self.write(codec.frame(firmware_reply(FIRMWARE)))
 
     def _flush(self) -> None:
         if self._pending is not None:
             self.commands.append(MotorCommand(*self._pending, -1))
             self._pending = None
-
-    def close(self) -> None:
-        """Close all descriptors."""
-        self._door.close()
 
 
 @dataclass(slots=True)

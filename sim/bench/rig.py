@@ -17,7 +17,7 @@ from typing import Any, Final, Self
 
 from wallride.runtime.wire.ports import free_endpoint
 from wallride.sim.bench.course import BenchScans
-from wallride.sim.bench.devices import BenchTcpPort, LidarPort, MotorCommand, MotorPort, Ports
+from wallride.sim.bench.devices import LidarPort, MotorCommand, MotorPort, Ports
 
 START_TIMEOUT_S: Final = 20.0
 STOP_TIMEOUT_S: Final = 5.0
@@ -97,7 +97,7 @@ class Rig:
         self._folder = tempfile.TemporaryDirectory(prefix="wallride-bench-")
         folder = Path(self._folder.name)
         lidar = self.lidar_port()
-        self.ports = Ports(lidar, MotorPort(BenchTcpPort()))
+        self.ports = Ports(lidar, MotorPort())
         self._log = folder / "log"
         (folder / "car.toml").write_text("")  # the settings of this machine's own car do not apply
         endpoint = free_endpoint()
@@ -153,7 +153,7 @@ class Rig:
 
     def lidar_port(self) -> LidarPort:
         """Return the port of the lidar; for another kind of lidar to override."""
-        return LidarPort(self._course.model, BenchTcpPort())
+        return LidarPort(self._course.model)
 
     def start(self) -> None:
         """Wait for the stream; then start the subscribers."""
