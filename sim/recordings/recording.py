@@ -76,7 +76,7 @@ class OdometryTrack:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LidarTrack:
-    """All scans of one lidar topic; times are seconds since 1970, the rest is as in `Recording`."""
+    """All scans of one lidar topic; times are seconds since 1970 in a reader, the rest is as in `Recording`."""
 
     topic: str
     received_s: Floats
@@ -90,7 +90,7 @@ class LidarTrack:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Recording:
+class Recording(LidarTrack):
     """One lidar's scans, and the other messages of the drive. All arrays are read-only.
 
     received_s: shape (n,), when the recorder received each scan; starts at 0 and never falls.
@@ -104,16 +104,7 @@ class Recording:
     """
 
     name: str
-    topic: str
     other_topics: tuple[str, ...]
-    received_s: Floats
-    stamp_s: Floats
-    ranges_m: npt.NDArray[np.float32]
-    angle_min_rad: float
-    angle_step_rad: float
-    range_min_m: float
-    range_max_m: float
-    scan_time_s: float
     commands: Mapping[str, CommandTrack]
     odometry: OdometryTrack | None
     notes: tuple[str, ...] = ()

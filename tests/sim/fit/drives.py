@@ -51,8 +51,9 @@ def recorded(
             scans.append(scan(WORLD, car.pose, car.twist, car.now_s, rng, lidar) / 1000.0)
     first_s = np.array(ends_s) - lidar.sweep_s
     return Recording(
-        "planted", "scan", (), np.array(ends_s) + 0.003, first_s if stamps else first_s[::-1],
+        "scan", np.array(ends_s) + 0.003, first_s if stamps else first_s[::-1],
         np.array(scans, np.float32), float(np.radians(lidar.first_deg)),
         float(np.radians((lidar.last_deg - lidar.first_deg) / (lidar.beams - 1))), 0.02, 30.0, SCAN_S,
-        {"ackermann_cmd": CommandTrack(*np.array(commands).T)}, OdometryTrack(*np.array(poses).T) if odometry else None,
+        "planted", (), {"ackermann_cmd": CommandTrack(*np.array(commands).T)},
+        OdometryTrack(*np.array(poses).T) if odometry else None,
     )  # fmt: skip

@@ -15,8 +15,8 @@ def track(count=3):
 def recording(**counts):
     commands = MappingProxyType({topic: track(count) for topic, count in counts.items()})
     return Recording(
-        "some.bag", "scan", (), np.array([0.0]), np.array([0.0]), np.ones((1, 3), np.float32), -1.0, 1.0, 0.02, 30.0,
-        0.025, commands, None,
+        "scan", np.array([0.0]), np.array([0.0]), np.ones((1, 3), np.float32), -1.0, 1.0, 0.02, 30.0, 0.025, "some.bag",
+        (), commands, None,
     )  # fmt: skip
 
 
