@@ -19,7 +19,7 @@ import numpy as np
 
 from wallride.runtime.control.vehicle import GRAVITY_MPS2
 from wallride.sim.lab.cell import Cell, CellChoice, Experiment, Figures, TabledCell
-from wallride.sim.lab.courses.sudden import FullBrake, SuddenRun, case_of, navigator_of, scenarios
+from wallride.sim.lab.courses.sudden import APPEARS_S, BrakingGuard, SuddenRun, case_of, navigator_of, scenarios
 from wallride.sim.lab.figures import Row, by_law_and_friction, chosen, common, distinct, number, speed_table, worst
 from wallride.sim.lab.laws import drive_case
 from wallride.sim.virtual.closed_loop import SimulatedRun
@@ -83,7 +83,7 @@ def braked_impact_mps(cell: Cell) -> float:
 
     The formula's car goes straight on. One whose driver has begun to swerve rotates, and hits with a corner first.
     """
-    contact = drive_case(cell, case_of(cell), navigator_of(cell), FullBrake()).contact
+    contact = drive_case(cell, case_of(cell), navigator_of(cell), BrakingGuard(None, APPEARS_S)).contact
     return contact.speed_mps if contact is not None else 0.0
 
 

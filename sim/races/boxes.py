@@ -7,20 +7,17 @@ car drives its first lap at the line's full speed. What a sudden box may be hit 
 car brakes in full from the first scan on that shows it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from wallride.drivers.api import MotorState, Scan
-from wallride.runtime.arbitration.command import NO_LIMIT_MPS, SafetyAssessment, Verdict
-from wallride.runtime.control.guidance import Guard
 from wallride.runtime.control.line_following.race_line import CourseLine
 from wallride.sim.lab.cell import Figures
 from wallride.sim.lab.figures import number
 from wallride.sim.lab.safety import DISTANCES_M
 from wallride.sim.races.mapped_lap import KeyframePoses
-from wallride.sim.virtual.closed_loop import STEP_S, Case, SimulatedRun
+from wallride.sim.virtual.closed_loop import Case, SimulatedRun
 from wallride.sim.world.obstacles import Box, ConstantMotion, Obstacle, StandingObstacle, sudden_box
 from wallride.sim.world.pose import Pose
 
@@ -39,26 +36,6 @@ FROM_WALL_M, NEAR_M = 0.25, 0.3
 """Distance of its middle from walls, where it begins and ends; and from where the car is nearest, where it comes."""
 FULL_SPEED: Final = "first_lap_share"
 """The setting of `line` that slows the first lap down."""
-FREE: Final = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "no guard")
-
-
-@dataclass(frozen=True, slots=True)
-class BrakingGuard:
-    """A guard that brakes in full from a time on; before, it judges as another one does, or not at all."""
-
-    guard: Guard | None
-    from_s: float
-
-    def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
-        """Return the judgement of a scan."""
-        if scan.stamp_s >= self.from_s - STEP_S / 2:
-            return Verdict(0.0, NO_LIMIT_MPS, "full brake")
-        return self.guard.look(scan, motor) if self.guard is not None else FREE
-
-    def learn(self) -> None:
-        """Learn as the other one does."""
-        if self.guard is not None:
-            self.guard.learn()
 
 
 def with_box(case: Case, kind: str, line: CourseLine, poses: KeyframePoses, alone: SimulatedRun | None = None) -> Case:

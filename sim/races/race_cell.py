@@ -22,8 +22,9 @@ from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.car.wiring import WiringConversion, WiringErrors
 from wallride.sim.lab import laws
 from wallride.sim.lab.cell import Cell, Figures
+from wallride.sim.lab.courses.sudden import BrakingGuard
 from wallride.sim.lab.figures import common, number
-from wallride.sim.races.boxes import FULL_SPEED, MOVING, SUDDEN, BrakingGuard, box_figures, shown_at, timed, with_box
+from wallride.sim.races.boxes import FULL_SPEED, MOVING, SUDDEN, box_figures, shown_at, timed, with_box
 from wallride.sim.races.mapped_lap import TRIM_RAD, WHEELS, KeyframePoses, map_file, poses_of_map
 from wallride.sim.racing.free_space import FreeSpace
 from wallride.sim.racing.line_file import text_of

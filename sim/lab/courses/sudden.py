@@ -12,8 +12,8 @@ import math
 from dataclasses import dataclass
 
 from wallride.drivers.api import Drive, MotorState, Scan
-from wallride.runtime.arbitration.command import NO_LIMIT_MPS, Source, Verdict
-from wallride.runtime.control.guidance import Follower, Guidance
+from wallride.runtime.arbitration.command import NO_LIMIT_MPS, SafetyAssessment, Source, Verdict
+from wallride.runtime.control.guidance import Follower, Guard, Guidance
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab.cell import Cell
@@ -25,6 +25,7 @@ from wallride.sim.world.pose import side_sign
 APPEARS_S = 0.5
 HUMAN_BEGINS_S = APPEARS_S - 0.1
 LASTS_S = 4.0
+FREE = Verdict(NO_LIMIT_MPS, NO_LIMIT_MPS, "no guard")
 PLACES = {"corridor": "corridor", "wall": "straight"}
 """The worlds by the names of the places."""
 BOXES = {
@@ -101,16 +102,23 @@ def case_of(cell: Cell) -> Case:
     )
 
 
-class FullBrake:
-    """A guard that brakes in full from the scan on that shows the obstacle, and leaves the steering alone."""
+@dataclass(frozen=True, slots=True)
+class BrakingGuard:
+    """A guard that brakes in full from a time on; before, it judges as another one does, or not at all."""
 
-    def look(self, scan: Scan, motor: MotorState | None) -> Verdict:  # noqa: ARG002 - it looks at the clock
-        """Return the same judgement for every drive."""
-        brakes = scan.stamp_s >= APPEARS_S - STEP_S / 2
-        return Verdict(0.0 if brakes else NO_LIMIT_MPS, NO_LIMIT_MPS, "full brake")
+    guard: Guard | None
+    from_s: float
+
+    def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
+        """Return the judgement of a scan."""
+        if scan.stamp_s >= self.from_s - STEP_S / 2:
+            return Verdict(0.0, NO_LIMIT_MPS, "full brake")
+        return self.guard.look(scan, motor) if self.guard is not None else FREE
 
     def learn(self) -> None:
-        """Do nothing."""
+        """Learn as the other one does."""
+        if self.guard is not None:
+            self.guard.learn()
 
 
 def navigator_of(cell: Cell) -> Follower | None:

@@ -12,9 +12,10 @@ from tests.runtime.observed import scan_at
 from wallride.runtime.arbitration.command import NO_LIMIT_MPS, Source, Verdict
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab.cell import course_name
+from wallride.sim.lab.courses.sudden import FREE, BrakingGuard
 from wallride.sim.lab.figures import common
 from wallride.sim.lab.safety import DISTANCES_M
-from wallride.sim.races.boxes import FREE, LEAST_MPS, MOVING, STANDING, SUDDEN, BrakingGuard, box_figures, with_box
+from wallride.sim.races.boxes import LEAST_MPS, MOVING, STANDING, SUDDEN, box_figures, with_box
 from wallride.sim.races.mapped_lap import WHEELS, KeyframePoses
 from wallride.sim.races.race_cell import RaceCell, case_of, figures_of, lap_begins, not_raced
 from wallride.sim.races.race_table import COLUMNS, tables
