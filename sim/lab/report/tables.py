@@ -1,7 +1,7 @@
 """Tables of the page: gains beside the report's sixty errors, optima, trends, conditions varied, trials, obstacles."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -187,12 +187,7 @@ def final_gains(plan: ReportPlan, rows: Rows) -> TabledCell:
         "averaged": "the average of its law's optima here",
         "ours": f"{title_of(plan.law)}, its own gains",
     }
-    body = [
-        (f"{names[name]}: {words}", *(_ended(row, key) for row in rows[name]), _mean(rows[name], key))
-        for name in names
-        if name in rows
-        for key, words in (("law_error_m", "law's own error"), ("true_error_m", "true error"))
-    ]
+    body = [line for name, words in names.items() if name in rows for line in _both_errors(words, rows[name])]
     note = (
         "Mean |error| in m. The law's own, the report's kind: its distance (of the report's law in a corner half of the"
         " range ahead) less the wanted one, over all samples. True: from the rear axle to the wall, which only a"
@@ -203,20 +198,18 @@ def final_gains(plan: ReportPlan, rows: Rows) -> TabledCell:
 
 def distances(plan: ReportPlan, rows: Rows) -> TabledCell:
     """Return the report's law with three distances to the wall, all else equal."""
-    body = [
-        (
-            f"`{kind}`: {words}",
-            *(_ended(row, key) for row in rows[f"distance {kind}"]),
-            _mean(rows[f"distance {kind}"], key),
-        )
-        for kind in DISTANCE_KINDS
-        for key, words in (("law_error_m", "law's own error"), ("true_error_m", "true error"))
-    ]
+    body = [line for kind in DISTANCE_KINDS for line in _both_errors(f"`{kind}`", rows[f"distance {kind}"])]
     note = (
         "`wall_follow.distance` of the report's law, its own gains: the mean of the three smallest ranges (the"
         " report's), the distance to the fitted line (the experiment it names next), and the line's intercept."
     )
     return TabledCell("Another distance to the wall", ("", *plan.tests, "mean"), tuple(body), (note,))
+
+
+def _both_errors(name: str, rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
+    """Yield the line of the law's own errors, and that of the true ones."""
+    for key, words in (("law_error_m", "law's own error"), ("true_error_m", "true error")):
+        yield f"{name}: {words}", *(_ended(row, key) for row in rows), _mean(rows, key)
 
 
 def _ended(row: Row, key: str) -> str:
