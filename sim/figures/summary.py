@@ -14,6 +14,7 @@ SETTLE_BAND_M = 0.05
 SETTLED_FOR_S = 2.0
 ON_THE_LINE_M = 0.02
 STANDING_FOR_S = 1.0
+ROUND_FROM = 1000.0
 OF_THE_WALL = frozenset({"mean_abs_error_m", "rms_error_m", "settle_s", "max_overshoot_m"})
 """Figures that say nothing of a drive along a race line, or between both borders."""
 
@@ -78,15 +79,15 @@ class DriveSums:
         """Return duration, distance, errors, settling, clearance and speed of the run; see `figures`."""
         last, counted = self._last, self._counted
         return {
-            "duration_s": _number(last.time_s - self._first_s if last is not None else 0.0),
-            "distance_m": _number(self._distance_m),
-            "mean_abs_error_m": _number(self._abs_m / counted) if counted else None,
-            "rms_error_m": _number(math.sqrt(self._square_m2 / counted)) if counted else None,
+            "duration_s": rounded(last.time_s - self._first_s if last is not None else 0.0),
+            "distance_m": rounded(self._distance_m),
+            "mean_abs_error_m": rounded(self._abs_m / counted) if counted else None,
+            "rms_error_m": rounded(math.sqrt(self._square_m2 / counted)) if counted else None,
             "settle_s": self._settle.settle_s,
             "max_overshoot_m": self._overshoot_m(),
-            "min_clearance_m": _number(self._clearance_m) if last is not None else None,
+            "min_clearance_m": rounded(self._clearance_m) if last is not None else None,
             "stopped": last is None or self._moved_s <= last.time_s - STANDING_FOR_S,
-            "mean_speed_mps": _number(self._distance_m / self._moving_s) if self._moving_s > 0 else 0.0,
+            "mean_speed_mps": rounded(self._distance_m / self._moving_s) if self._moving_s > 0 else 0.0,
         }
 
     def _overshoot_m(self) -> float | None:
@@ -97,8 +98,8 @@ class DriveSums:
         if not self._counted:
             return None
         if abs(self._first_error_m) < ON_THE_LINE_M:
-            return _number(max(-self._least_m, self._most_m))
-        return _number(max(0.0, -self._least_m if self._first_error_m > 0 else self._most_m))
+            return rounded(max(-self._least_m, self._most_m))
+        return rounded(max(0.0, -self._least_m if self._first_error_m > 0 else self._most_m))
 
 
 class _Settle:
@@ -117,7 +118,7 @@ class _Settle:
             return
         self._since_s = now_s if self._since_s is None else self._since_s
         if self.settle_s is None and now_s - self._since_s >= SETTLED_FOR_S:
-            self.settle_s = _number(self._since_s - self._first_s)
+            self.settle_s = rounded(self._since_s - self._first_s)
 
 
 def figures(samples: Iterable[Sample], desired_m: float | Floats) -> dict[str, Any]:
@@ -139,8 +140,14 @@ def _moves(sample: Sample) -> bool:
     return abs(sample.speed_mps) > STANDING_BELOW_MPS
 
 
-def _number(value: float) -> float | None:
-    return round(float(value), 4) if math.isfinite(value) else None
+def rounded(value: float, digits: int = 4) -> float | None:
+    """Return a number fit for a file; None for NaN and infinity."""
+    return round(float(value), digits) if math.isfinite(value) else None
+
+
+def digits(value: float) -> str:
+    """Return a figure for people, with as many digits as a drive repeats; a file has all of them."""
+    return f"{value:.0f}" if abs(value) >= ROUND_FROM else f"{value:.3g}"
 
 
 def device_counts(status: Mapping[str, Any]) -> dict[str, int]:

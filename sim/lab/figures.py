@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from wallride.runtime.arbitration.command import Source
+from wallride.sim.figures.summary import SETTLE_BAND_M, rounded
 from wallride.sim.lab.cell import Figures, TabledCell
 from wallride.sim.virtual.closed_loop import SimulatedRun
 from wallride.sim.world.pose import Floats
 
-SETTLE_BAND_M = 0.05
 STEADY_WAY = 0.25
 """Last share of a run, in which it should have settled."""
 TOUCH_ABOVE_MPS = 0.05
@@ -77,11 +77,7 @@ def speed_lost(run: SimulatedRun) -> float | None:
     return number(lost.sum() / wished.sum()) if wished.sum() > 0 else None
 
 
-def number(value: float) -> float | None:
-    """Return a number fit for a file; None for NaN and infinity."""
-    return round(float(value), 4) if math.isfinite(value) else None
-
-
+number = rounded
 Row = Mapping[str, Any]
 Lines = Sequence[tuple[tuple[str, ...], Sequence[Row]]]
 """For each line of a table its first texts, and the rows of figures behind it."""

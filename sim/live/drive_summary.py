@@ -11,7 +11,7 @@ from wallride.runtime.arbitration.command import NO_WINNER
 from wallride.runtime.control.line_following.line_follower import DRIVES, JOINS
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.telemetry.screen_words import because, times
-from wallride.sim.figures.summary import OF_THE_WALL, SETTLE_BAND_M, SETTLED_FOR_S, count_words, device_faults
+from wallride.sim.figures.summary import OF_THE_WALL, SETTLE_BAND_M, SETTLED_FOR_S, count_words, device_faults, digits
 from wallride.sim.live.record import Record
 from wallride.sim.world.place import World
 
@@ -28,7 +28,6 @@ NOT_BY_A_WALL = frozenset({"line", "corridor"})
 """Laws that keep no distance from a wall."""
 MOST_REASONS, LEAST_REASON_S = 3, 1.0
 Words = Callable[[Any], str]
-ROUND_FROM = 1000.0
 
 
 def summarize(record: Record, settings: Settings) -> dict[str, Any]:
@@ -145,7 +144,7 @@ def shown(value: object) -> str:
         case bool():
             return "yes" if value else "no"
         case float():
-            return f"{value:.0f}" if abs(value) >= ROUND_FROM else f"{value:.3g}"
+            return digits(value)
         case dict():
             return ", ".join(f"{key} {shown(one)}" for key, one in value.items())
         case list():

@@ -11,7 +11,7 @@ from wallride.runtime.arbitration.command import NO_WINNER
 from wallride.runtime.control.perception.geometry import directions
 from wallride.runtime.control.score import Score
 from wallride.runtime.control.vehicle import CarSettings
-from wallride.sim.figures.summary import OF_THE_WALL, Sample, figures
+from wallride.sim.figures.summary import OF_THE_WALL, Sample, figures, rounded
 from wallride.sim.replay.drive_log import LoggedMessage, decode
 from wallride.sim.replay.run import MuxChange, RecordedRun
 from wallride.sim.world.pose import Floats
@@ -63,8 +63,8 @@ def numbers(run: RecordedRun) -> dict[str, Any]:
         **{name: value for name, value in driven.items() if not (races and name in OF_THE_WALL)},
         **(_laps(run) if races else {}),
         "duration_s": round(run.duration_s, 4),
-        "top_speed_mps": _rounded(float(np.abs(run.path.speed_mps).max())) if len(run.path.speed_mps) else None,
-        "distance_error": {"mean_abs_m": _rounded(score.mean_abs_m, 6), "rms_m": _rounded(score.rms_m, 6)},
+        "top_speed_mps": rounded(float(np.abs(run.path.speed_mps).max())) if len(run.path.speed_mps) else None,
+        "distance_error": {"mean_abs_m": rounded(score.mean_abs_m, 6), "rms_m": rounded(score.rms_m, 6)},
         "stops": len(found),
         "faults": [{"time_s": round(time_s, 3), "words": fault.words} for time_s, fault in run.faults],
         "standing_s": round(sum((_end(stop, run) - stop.from_s) for stop in found), 2),
@@ -196,10 +196,6 @@ def _nearest_value(times_s: Floats, values: Floats, time_s: float) -> float:
 
 def _end(stop: RecordedStop, run: RecordedRun) -> float:
     return stop.until_s if math.isfinite(stop.until_s) else run.duration_s
-
-
-def _rounded(value: float, digits: int = 4) -> float | None:
-    return round(value, digits) if math.isfinite(value) else None
 
 
 def truth_of(summary: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import Any
 
 from wallride.runtime.control.line_following.lap_memory import SECTORS
 from wallride.runtime.settings.tree import Settings, to_toml
-from wallride.sim.figures.summary import SETTLE_BAND_M, SETTLED_FOR_S
+from wallride.sim.figures.summary import SETTLE_BAND_M, SETTLED_FOR_S, digits
 from wallride.sim.replay.run import RecordedRun
 from wallride.sim.run_report.events import NOT_KNOWN, text
 from wallride.sim.run_report.shown import Shown
@@ -31,7 +31,6 @@ ROWS = (
     ("trajectory_largest_m", "found poses off the truth, at most", "m"),
     ("collided", "touched something", ""),
 )
-ROUND_FROM = 1000.0
 NOT_OF_THE_DRIVE = ("recording.", "telemetry.", "log.", "process.")
 """Prefixes of settings of the output; they are among all settings, not in the table."""
 
@@ -133,20 +132,15 @@ def _cell(name: str, value: object, unit: str, *, known: bool) -> str:
     if not known:
         return "<td></td>"
     if isinstance(value, list):
-        shown = ", ".join(_digits(item) for item in value) or "none"
+        shown = ", ".join(digits(item) for item in value) or "none"
     elif isinstance(value, bool):
         shown = "yes" if value else "no"
     else:
-        shown = _digits(value) if isinstance(value, int | float) else NOT_KNOWN
+        shown = digits(value) if isinstance(value, int | float) else NOT_KNOWN
     if shown == NOT_KNOWN and name == "settle_s":
         shown, unit = f"never for {SETTLED_FOR_S:g} s", ""
     known_unit = unit if shown not in {NOT_KNOWN, "none"} else ""
     return f'<td data-name="{name}">{escape(shown)}{f" {known_unit}" if known_unit else ""}</td>'
-
-
-def _digits(value: float) -> str:
-    """Return a figure with as many digits as a drive repeats; the JSON file has all of them."""
-    return f"{value:.0f}" if abs(value) >= ROUND_FROM else f"{value:.3g}"
 
 
 def settings(runs: Sequence[Shown]) -> str:
@@ -198,7 +192,7 @@ def winners(numbers: Mapping[str, Any]) -> str:
     if not total_s:
         return '<p class="nothing">not recorded</p>'
     rows = "".join(
-        f"<tr><th>{escape(name)}</th><td>{_digits(spent_s)} s</td>"
+        f"<tr><th>{escape(name)}</th><td>{digits(spent_s)} s</td>"
         f'<td class="wide"><i style="width:{100 * spent_s / total_s:.1f}%"></i></td></tr>'
         for name, spent_s in sorted(seconds.items(), key=lambda item: -item[1])
     )
