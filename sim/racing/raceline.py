@@ -15,7 +15,7 @@ from scipy import sparse
 from scipy.interpolate import CubicSpline
 
 from wallride.sim.racing.free_space import FreeSpace
-from wallride.sim.racing.ring import SMOOTH_M, SPACING_M, even, ring_length_m
+from wallride.sim.racing.ring import SMOOTH_M, SPACING_M, even, lengths, ring_length_m
 from wallride.sim.racing.speed_profile import Grip, lap_s, speeds_mps
 from wallride.sim.world.pose import Floats
 
@@ -130,20 +130,20 @@ def geometry(line_m: Floats) -> tuple[Floats, Floats, Floats]:
     chord = ahead + behind
     yaw_rad = np.arctan2(chord[:, 1], chord[:, 0])
     cross = behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0]
-    curvature = 2.0 * cross / np.maximum(1e-12, _length(ahead) * _length(behind) * _length(chord))
+    curvature = 2.0 * cross / np.maximum(1e-12, lengths(ahead) * lengths(behind) * lengths(chord))
     return yaw_rad, np.column_stack([-np.sin(yaw_rad), np.cos(yaw_rad)]), curvature
 
 
 def _with_speed(line_m: Floats, space: FreeSpace, grip: Grip) -> RaceLine:
     """Return the line as a periodic cubic spline, sampled anew, with its speed profile."""
     closed = np.vstack([line_m, line_m[:1]])
-    knots_m = np.concatenate([[0.0], np.cumsum(_length(np.diff(closed, axis=0)))])
+    knots_m = np.concatenate([[0.0], np.cumsum(lengths(np.diff(closed, axis=0)))])
     spline = CubicSpline(knots_m, closed, bc_type="periodic")
     count = max(16, round(float(knots_m[-1]) / STEP_M))
     at_m = knots_m[-1] * np.arange(count) / count
     points, first, second = spline(at_m), spline(at_m, 1), spline(at_m, 2)
-    curvature = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / _length(first) ** 3
-    steps_m = _length(np.roll(points, -1, axis=0) - points)
+    curvature = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / lengths(first) ** 3
+    steps_m = lengths(np.roll(points, -1, axis=0) - points)
     speed = speeds_mps(curvature, steps_m, grip)
     acceleration = (np.roll(speed, -1) ** 2 - speed**2) / (2.0 * steps_m)
     return RaceLine(
@@ -181,7 +181,3 @@ def _crossing(line_m: Floats) -> Floats | None:
             at_m: Floats = begin[number]
             return at_m
     return None
-
-
-def _length(vectors: Floats) -> Floats:
-    return np.hypot(vectors[:, 0], vectors[:, 1])

@@ -51,13 +51,13 @@ def ring_of_path(path_m: Floats, *, what: str) -> Floats:
     """
     if len(path_m) < 3 or not np.isfinite(path_m).all():
         raise NoRingError(f"{what}: a path needs three points and finite numbers")
-    along_m = np.concatenate([[0.0], np.cumsum(_length(np.diff(path_m, axis=0)))])
-    back = np.flatnonzero((along_m > MIN_LENGTH_M) & (_length(path_m - path_m[0]) < JOINS_WITHIN_M))
+    along_m = np.concatenate([[0.0], np.cumsum(lengths(np.diff(path_m, axis=0)))])
+    back = np.flatnonzero((along_m > MIN_LENGTH_M) & (lengths(path_m - path_m[0]) < JOINS_WITHIN_M))
     first_back = back[: 1 + int(np.argmax(np.append(np.diff(back) > 1, True)))] if len(back) else back
     if not len(first_back):
-        gap_m = float(_length(path_m[-1:] - path_m[0])[0])
+        gap_m = float(lengths(path_m[-1:] - path_m[0])[0])
         raise NoRingError(f"{what}: the path does not return to its beginning (it ends {gap_m:.1f} m from it)")
-    end = first_back[int(np.argmin(_length(path_m[first_back] - path_m[0])))]
+    end = first_back[int(np.argmin(lengths(path_m[first_back] - path_m[0])))]
     return even(path_m[:end])
 
 
@@ -78,7 +78,7 @@ def even(points_m: Floats, spacing_m: float = SPACING_M, smooth_m: float = SMOOT
 def resampled(points_m: Floats, count: int) -> Floats:
     """Return `count` points at equal distances along a ring, the first one kept."""
     closed = np.vstack([points_m, points_m[:1]])
-    along_m = np.concatenate([[0.0], np.cumsum(_length(np.diff(closed, axis=0)))])
+    along_m = np.concatenate([[0.0], np.cumsum(lengths(np.diff(closed, axis=0)))])
     keep = np.append(True, np.diff(along_m) > 0.0)
     at_m = along_m[-1] * np.arange(count) / count
     return np.column_stack([np.interp(at_m, along_m[keep], part[keep]) for part in closed.T])
@@ -86,7 +86,7 @@ def resampled(points_m: Floats, count: int) -> Floats:
 
 def ring_length_m(points_m: Floats) -> float:
     """Return the length of a closed polyline."""
-    return float(_length(points_m - np.roll(points_m, 1, axis=0)).sum())
+    return float(lengths(points_m - np.roll(points_m, 1, axis=0)).sum())
 
 
 def driven_path(map_file: Path) -> Path | None:
@@ -148,5 +148,6 @@ def _along_the_wall(geometry: GridGeometry, world: World) -> Floats:
     )
 
 
-def _length(vectors: Floats) -> Floats:
+def lengths(vectors: Floats) -> Floats:
+    """Return the lengths (n,) of vectors (n, 2)."""
     return np.hypot(vectors[:, 0], vectors[:, 1])
