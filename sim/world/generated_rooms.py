@@ -85,6 +85,13 @@ class _Builder:
             if math.hypot(at.x_m, at.y_m) > FREE_START_M:
                 self.plan.things.append(box(at.x_m, at.y_m, float(long_m), float(width_m), yaw_rad))
 
+    def perhaps_furnish(self, shortest_m: float, longest_m: float, share: float, widest_m: float) -> None:
+        """Add a lane; in this share of the rooms two things stand in it."""
+        length_m = float(self.random.uniform(shortest_m, longest_m))
+        began = self.lane(length_m)
+        if self.random.random() < share:
+            self.furnish(began, length_m, 2, widest_m)
+
     def turn_deg(self) -> float:
         return float(self.random.uniform(BLUNTEST_DEG, SHARPEST_DEG) * self.random.choice([-1, 1]))
 
@@ -109,20 +116,14 @@ def _blind_end(room: _Builder) -> None:
     """Build a lane that ends, behind a corner or straight on, with or without an object in its end."""
     if room.random.random() < 0.5:
         room.corner(room.turn_deg(), room.width())
-    length_m = float(room.random.uniform(2.0, 5.0))
-    began = room.lane(length_m)
-    if room.random.random() < 0.4:
-        room.furnish(began, length_m, 2, 0.5)
+    room.perhaps_furnish(2.0, 5.0, 0.4, 0.5)
 
 
 def _doors(room: _Builder) -> None:
     """Build three rooms in a row, with doors between them; some hold furniture."""
     for _ in range(2):
         room.door()
-        length_m = float(room.random.uniform(2.0, 4.0))
-        began = room.lane(length_m)
-        if room.random.random() < 0.5:
-            room.furnish(began, length_m, 2, 0.6)
+        room.perhaps_furnish(2.0, 4.0, 0.5, 0.6)
     room.door()
     room.hall()
 
@@ -140,10 +141,7 @@ def _loop(room: _Builder) -> None:
     turn = float(room.random.choice([-1, 1]))
     for _ in range(3):
         room.corner(90.0 * turn, room.width())
-        length_m = float(room.random.uniform(4.0, 6.0))
-        began = room.lane(length_m)
-        if room.random.random() < 0.3:
-            room.furnish(began, length_m, 2, 0.6)
+        room.perhaps_furnish(4.0, 6.0, 0.3, 0.6)
     room.corner(90.0 * turn, room.width())
     room.lane(float(room.random.uniform(3.0, 7.0)))
 
