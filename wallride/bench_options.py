@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from wallride.failure import later
-from wallride.parser import Commands, add_json, at_least
+from wallride.parser import Commands, add_json, add_set, at_least
 
 MEASUREMENTS = {
     "latency": "latency from a scan's last byte to the motor's first; emulated devices, the unmodified process",
@@ -29,7 +29,4 @@ def add(commands: Commands) -> None:
         add_json(parser, "all runs and their medians")
         if name == "latency":
             parser.add_argument("--plot", type=Path, metavar="DIR", help="draw a histogram, DIR/latency.png")
-        parser.add_argument(
-            "--set", dest="assignments", action="append", default=[], metavar="KEY=VALUE",
-            help="override one of the car's settings (repeatable)",
-        )  # fmt: skip
+        add_set(parser, "override one of the car's settings")

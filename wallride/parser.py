@@ -140,15 +140,12 @@ def add_config(
     )
 
 
-def add_set(command: argparse.ArgumentParser) -> None:
+def add_set(
+    command: argparse.ArgumentParser, what: str = "override one setting, for example wall_follow.side=right"
+) -> None:
     """Add --set KEY=VALUE."""
     command.add_argument(
-        "--set",
-        dest="assignments",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="override one setting, for example wall_follow.side=right (repeatable)",
+        "--set", dest="assignments", action="append", default=[], metavar="KEY=VALUE", help=f"{what} (repeatable)"
     )
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from wallride import client_options
 from wallride.failure import fail, needs
-from wallride.parser import Commands, add_json, number
+from wallride.parser import Commands, add_json, add_set, number
 from wallride.runtime.host.terminal_text import say
 
 KEYS = "space pauses, + and - change the speed, arrows go 5 s, page keys 30 s, home begins anew, q ends"
@@ -56,10 +56,7 @@ def add(commands: Commands) -> None:
 def add_file(parser: argparse.ArgumentParser) -> None:
     """Add the options of replay and report: recording, settings and topic."""
     add_recording(parser)
-    parser.add_argument(
-        "--set", dest="assignments", action="append", default=[], metavar="KEY=VALUE",
-        help="override a recorded setting, for example wall_follow.kp=10 (repeatable)",
-    )  # fmt: skip
+    add_set(parser, "override a recorded setting, for example wall_follow.kp=10")
 
 
 def add_recording(parser: argparse.ArgumentParser) -> None:
