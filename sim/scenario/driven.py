@@ -3,6 +3,8 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from operator import ge, gt, lt
+from typing import Any
 
 import numpy as np
 
@@ -130,6 +132,7 @@ class _Windows:
 
 
 _Judgement = tuple[bool | None, str]
+_Judge = Callable[[ScenarioExpectation, _Windows], _Judgement]
 
 
 def _judged(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
@@ -154,67 +157,49 @@ def _contact(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
     return (touched is not None) == expected.contact, words
 
 
+def _fastest_mps(expected: ScenarioExpectation, window: _Windows) -> float:
+    return float(window.speed_mps[window.within(expected)].max())
+
+
 def _stands(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
-    fastest_mps = float(window.speed_mps[window.within(expected)].max())
+    fastest_mps = _fastest_mps(expected, window)
     return (fastest_mps < STANDS_BELOW_MPS) == expected.stands, f"at most {fastest_mps:.2f} m/s"
 
 
-def _stands_within(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
-    assert expected.stands_within_s is not None  # noqa: S101 - its condition
-    return _soon(expected.stands_within_s, window.first_s(expected, window.speed_mps < STANDS_BELOW_MPS), "stood")
+def _soon(verb: str, holds: Callable[[Floats], Booleans]) -> _Judge:
+    """Return what judges the time until a speed holds."""
+
+    def judge(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+        after_s = window.first_s(expected, holds(window.speed_mps))
+        words = f"{verb} after {after_s:.2f} s" if math.isfinite(after_s) else f"never {verb}"
+        return after_s <= getattr(expected, expected.condition), words
+
+    return judge
 
 
-def _drives_within(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
-    assert expected.drives_within_s is not None  # noqa: S101 - its condition
-    return _soon(expected.drives_within_s, window.first_s(expected, window.speed_mps > DRIVES_ABOVE_MPS), "drove")
+def _error(figure: Callable[[Floats], Any]) -> _Judge:
+    """Return what judges a figure of the error over the samples that have a wall."""
+
+    def judge(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+        error_m = np.abs(window.error_m[window.within(expected)])
+        error_m = error_m[np.isfinite(error_m)]
+        if not error_m.size:
+            return False, "no wall was there to follow"
+        return bool(figure(error_m) < getattr(expected, expected.condition)), f"{figure(error_m):.3f} m"
+
+    return judge
 
 
-def _soon(most_s: float, measured_s: float, verb: str) -> _Judgement:
-    return measured_s <= most_s, f"{verb} after {measured_s:.2f} s" if math.isfinite(measured_s) else f"never {verb}"
+def _bounded(
+    figure: Callable[[ScenarioExpectation, _Windows], float], holds: Callable[[float, float], bool], words: str
+) -> _Judge:
+    """Return what compares a figure with the expected value. words: show the figure."""
 
+    def judge(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
+        found = figure(expected, window)
+        return holds(found, getattr(expected, expected.condition)), words.format(found)
 
-def _error(
-    limit_m: float | None, figure: Callable[[Floats], float], expected: ScenarioExpectation, window: _Windows
-) -> _Judgement:
-    """Judge the error over the samples that have a wall."""
-    error_m = np.abs(window.error_m[window.within(expected)])
-    error_m = error_m[np.isfinite(error_m)]
-    if not error_m.size:
-        return False, "no wall was there to follow"
-    return figure(error_m) < (limit_m or 0.0), f"{figure(error_m):.3f} m"
-
-
-def _mean_error(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
-    return _error(expected.mean_error_below_m, lambda error_m: float(error_m.mean()), expected, window)
-
-
-def _max_error(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
-    return _error(expected.max_error_below_m, lambda error_m: float(error_m.max()), expected, window)
-
-
-def _clearance(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
-    least_m = float(window.clearance_m[window.within(expected)].min())
-    return least_m > (expected.clearance_above_m or 0.0), f"at least {least_m:.3f} m"
-
-
-def _speed_below(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
-    fastest_mps = float(window.speed_mps[window.within(expected)].max())
-    return fastest_mps < (expected.speed_below_mps or 0.0), f"at most {fastest_mps:.2f} m/s"
-
-
-def _mean_speed(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
-    mean_mps = float(window.speed_mps[window.within(expected)].mean())
-    return mean_mps > (expected.mean_speed_above_mps or 0.0), f"{mean_mps:.2f} m/s"
-
-
-def _way(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
-    way_m = window.way_m(expected)
-    return way_m > (expected.way_above_m or 0.0), f"{way_m:.1f} m"
-
-
-def _laps(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
-    laps = len(window.driven.laps_s)
-    return laps >= (expected.laps_at_least or 0), f"{laps} laps"
+    return judge
 
 
 def _lap_time(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
@@ -231,18 +216,22 @@ def _reason(expected: ScenarioExpectation, window: _Windows) -> _Judgement:
     return any(one.startswith(expected.reason or "") for one in said), "; ".join(said)
 
 
-JUDGES: dict[str, Callable[[ScenarioExpectation, _Windows], _Judgement]] = {
+JUDGES: dict[str, _Judge] = {
     "contact": _contact,
     "stands": _stands,
-    "stands_within_s": _stands_within,
-    "drives_within_s": _drives_within,
-    "mean_error_below_m": _mean_error,
-    "max_error_below_m": _max_error,
-    "clearance_above_m": _clearance,
-    "speed_below_mps": _speed_below,
-    "mean_speed_above_mps": _mean_speed,
-    "way_above_m": _way,
-    "laps_at_least": _laps,
+    "stands_within_s": _soon("stood", lambda speed_mps: speed_mps < STANDS_BELOW_MPS),
+    "drives_within_s": _soon("drove", lambda speed_mps: speed_mps > DRIVES_ABOVE_MPS),
+    "mean_error_below_m": _error(np.mean),
+    "max_error_below_m": _error(np.max),
+    "clearance_above_m": _bounded(
+        lambda expected, window: float(window.clearance_m[window.within(expected)].min()), gt, "at least {:.3f} m"
+    ),
+    "speed_below_mps": _bounded(_fastest_mps, lt, "at most {:.2f} m/s"),
+    "mean_speed_above_mps": _bounded(
+        lambda expected, window: float(window.speed_mps[window.within(expected)].mean()), gt, "{:.2f} m/s"
+    ),
+    "way_above_m": _bounded(lambda expected, window: window.way_m(expected), gt, "{:.1f} m"),
+    "laps_at_least": _bounded(lambda _, window: len(window.driven.laps_s), ge, "{} laps"),
     "lap_below_s": _lap_time,
     "reason": _reason,
 }
