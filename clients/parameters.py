@@ -1,7 +1,6 @@
 """`wallride param`: lists, shows, changes and saves a driving car's settings remotely."""
 
 import argparse
-import getpass
 import json
 import tomllib
 from collections.abc import Sequence
@@ -9,6 +8,7 @@ from typing import Any
 
 from wallride.clients.answers import reading, why_unanswered
 from wallride.clients.connection import ConnectionProblemError, connected
+from wallride.runtime.host.ownership import user_name
 from wallride.runtime.host.terminal_text import one_line, say
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
@@ -95,7 +95,7 @@ async def _get(bus: Bus, car: str, options: argparse.Namespace) -> str:
 
 
 async def _set(bus: Bus, car: str, options: argparse.Namespace) -> str:
-    found = await ask(bus, car, "set", values=parsed(options.assignments), by=_who())
+    found = await ask(bus, car, "set", values=parsed(options.assignments), by=user_name("")[:MAX_NAME_LENGTH])
     said = _changes(found["changed"]) or "nothing changed: these are its values already"
     if found["unsaved"]:
         unsaved = one_line(", ".join(found["unsaved"]))
@@ -106,9 +106,9 @@ async def _set(bus: Bus, car: str, options: argparse.Namespace) -> str:
 async def _save(bus: Bus, car: str, options: argparse.Namespace) -> str:
     wanted = parsed(options.assignments)
     if wanted:
-        found = await ask(bus, car, "configure", SAVED_WITHIN_S, values=wanted, by=_who())
+        found = await ask(bus, car, "configure", SAVED_WITHIN_S, values=wanted, by=user_name("")[:MAX_NAME_LENGTH])
     else:
-        found = await ask(bus, car, "save", SAVED_WITHIN_S, by=_who())
+        found = await ask(bus, car, "save", SAVED_WITHIN_S, by=user_name("")[:MAX_NAME_LENGTH])
     if not found["saved"]:
         return "nothing to save: nothing was changed since the start"
     said = one_line(f"saved to {found['file']}: {', '.join(found['saved'])}")
@@ -144,10 +144,3 @@ def _value(text: str) -> object:
     except (RecursionError, ValueError):
         return text
     return value if isinstance(value, bool | int | float | str | list) else text
-
-
-def _who() -> str:
-    try:
-        return getpass.getuser()[:MAX_NAME_LENGTH]
-    except (KeyError, OSError):  # a user without a name, as in some containers
-        return ""

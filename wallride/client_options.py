@@ -1,7 +1,6 @@
 """Options and exit codes of the commands that talk to a car over zenoh."""
 
 import argparse
-import getpass
 import os
 import socket
 from collections.abc import Callable, Coroutine
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from wallride.failure import fail
+from wallride.runtime.host.ownership import user_name
 
 DEFAULT_CONNECT = "tcp/127.0.0.1:7447"
 CONNECT_VARIABLE = "WALLRIDE_CONNECT"
@@ -41,13 +41,9 @@ def add_common(parser: argparse.ArgumentParser) -> None:
 
 def add_name(parser: argparse.ArgumentParser) -> None:
     """Add --name, of the operator; by default the user and the computer."""
-    try:
-        user = getpass.getuser()
-    except (KeyError, OSError):
-        user = "operator"
     parser.add_argument(
         "--name",
-        default=f"{user}@{socket.gethostname().split('.')[0]}",
+        default=f"{user_name('operator')}@{socket.gethostname().split('.')[0]}",
         help="name shown on the car and to other operators (default: you@this-computer)",
     )
 

@@ -1,14 +1,13 @@
 """A car over the network, for scripts: `with wallride.connect("car1") as car: ...`."""
 
 import argparse
-import getpass
 import json
 import os
 import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -29,6 +28,7 @@ from wallride.clients.remote.planner import RemotePlanner
 from wallride.clients.remote.stream import Stream
 from wallride.clients.remote.values import value_of
 from wallride.clients.topics import KINDS
+from wallride.runtime.host.ownership import user_name
 from wallride.runtime.recording import requests
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
@@ -47,9 +47,7 @@ class RemoteParameters:
 
     def __init__(self, ask: Ask) -> None:
         self._ask = ask
-        self._by = ""
-        with suppress(KeyError, OSError):  # a user without a name, as in some containers
-            self._by = getpass.getuser()[:MAX_NAME_LENGTH]
+        self._by = user_name("")[:MAX_NAME_LENGTH]
 
     def __getitem__(self, name: str) -> Any:  # noqa: ANN401 - a number, text, flag or list
         return self._ask("get", names=[name])["values"][name]
@@ -266,8 +264,4 @@ def connect(
 
 
 def _own_name() -> str:
-    try:
-        user = getpass.getuser()
-    except (KeyError, OSError):  # a user without a name, as in some containers
-        user = "script"
-    return f"{user}@{socket.gethostname().split('.')[0]}"
+    return f"{user_name('script')}@{socket.gethostname().split('.')[0]}"

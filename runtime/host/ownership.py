@@ -1,5 +1,6 @@
 """Who else may change a file: what decides whether this process may run its code, or believe its rights and keys."""
 
+import getpass
 import grp
 import os
 import pwd
@@ -10,6 +11,14 @@ from pathlib import Path
 def is_root() -> bool:
     """Tell whether this process may do everything, so that what it runs must be root's alone."""
     return os.geteuid() == 0
+
+
+def user_name(otherwise: str) -> str:
+    """Return the name of this process's user, `otherwise` for one without a name, as in some containers."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return otherwise
 
 
 def changed_by_others(path: Path) -> str:

@@ -16,6 +16,7 @@ from wallride.deploy.plan import DeployPlan, Wishes, make_plan, place_of, refuse
 from wallride.deploy.ssh import NOT_SSH, SshConnection
 from wallride.deploy.transfer import Shipment, absent_wheels, send
 from wallride.deploy.wheelhouse import build_wheel, cache_folder, gather, this_platform
+from wallride.runtime.host.ownership import user_name
 from wallride.runtime.host.terminal_text import one_line
 
 NOT_READY: Final = 3
@@ -83,14 +84,9 @@ def build_note(source: Path) -> str:
         commit = subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip() or "no commit"
     except OSError:
         commit = "no commit"
-    return f"{commit}, deployed {time.strftime('%Y-%m-%d %H:%M', time.gmtime())} UTC by {_user()}\n"
-
-
-def _user() -> str:
-    try:
-        return getpass.getuser()
-    except (KeyError, OSError):
-        return "an unnamed user"
+    return (
+        f"{commit}, deployed {time.strftime('%Y-%m-%d %H:%M', time.gmtime())} UTC by {user_name('an unnamed user')}\n"
+    )
 
 
 def _password(car: SshConnection, facts: CarFacts) -> str:
