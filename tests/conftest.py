@@ -105,3 +105,11 @@ def the_laws_answer_in_c(request):
 def no_own_law_is_loaded(monkeypatch):
     """A process keeps the laws of the user that it has imported; the fingerprint of the next test's drive has none."""
     monkeypatch.setattr(law_class, "_loaded", {})
+
+
+@pytest.fixture
+def car_toml(tmp_path, request):
+    """The settings file of a car, with FILE of the test's module in it."""
+    path = tmp_path / "car.toml"
+    path.write_text(request.module.FILE)
+    return path

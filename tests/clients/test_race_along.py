@@ -61,13 +61,6 @@ def made(tmp_path):
     return tmp_path / "lab.yaml"
 
 
-@pytest.fixture
-def car_toml(tmp_path):
-    path = tmp_path / "car.toml"
-    path.write_text(FILE)
-    return path
-
-
 async def test_a_car_that_stands_gets_map_and_law_and_starts_anew(made, car_toml, capsys):
     async with Car() as car:
         assert await car.race(made, "--config", car_toml, "--speed", "4.5") == 0

@@ -28,13 +28,6 @@ def found(settings, identity="RPLIDAR A1M8, firmware 1.29"):
     return FoundLidar(settings, identity, settings.address)
 
 
-@pytest.fixture
-def car_toml(tmp_path):
-    path = tmp_path / "car.toml"
-    path.write_text(FILE)
-    return path
-
-
 @pytest.mark.parametrize(
     "chosen",
     [

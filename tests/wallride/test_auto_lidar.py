@@ -14,11 +14,7 @@ from wallride.runtime.settings.tree import load_settings
 CHOSEN = RplidarSettings(address="serial:///dev/ttyUSB7?baud=115200", yaw_rad=0.2)
 
 
-@pytest.fixture
-def car_toml(tmp_path):
-    path = tmp_path / "car.toml"
-    path.write_text('[lidar]\ndriver = "auto"\nyaw_rad = 0.2\n[telemetry]\nenabled = false\n')
-    return path
+FILE = '[lidar]\ndriver = "auto"\nyaw_rad = 0.2\n[telemetry]\nenabled = false\n'
 
 
 @pytest.fixture

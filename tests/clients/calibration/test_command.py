@@ -18,11 +18,7 @@ NEW = Proposal("car.wheelbase_m", 0.25, 0.331, "0.330 to 0.332")
 KEPT = Proposal("lidar.yaw_rad", 0.0, None, "not identified: no bends")
 
 
-@pytest.fixture
-def car_toml(tmp_path):
-    path = tmp_path / "car.toml"
-    path.write_text("[car]\nwheelbase_m = 0.25\n")
-    return path
+FILE = "[car]\nwheelbase_m = 0.25\n"
 
 
 class SettingsOf:

@@ -20,13 +20,6 @@ NEW = [
 ]
 
 
-@pytest.fixture
-def car_toml(tmp_path):
-    path = tmp_path / "car.toml"
-    path.write_text(FILE)
-    return path
-
-
 def test_values_are_written_with_their_origin(car_toml):
     settings_file.write(car_toml, NEW, "2026-11-23")
     settings = load_settings(car_toml)

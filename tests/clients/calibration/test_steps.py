@@ -24,11 +24,7 @@ def in_effect(path):
     return {name: float(str(known[name])) for name in NAMES}
 
 
-@pytest.fixture
-def car_toml(tmp_path):
-    path = tmp_path / "car.toml"
-    path.write_text("[car]\nwheelbase_m = 0.25\n")
-    return path
+FILE = "[car]\nwheelbase_m = 0.25\n"
 
 
 def test_a_calibration_ends_with_the_settings_of_the_car(car_toml):

@@ -52,11 +52,7 @@ def drive(monkeypatch):
     return drive
 
 
-@pytest.fixture
-def car_toml(tmp_path):
-    path = tmp_path / "car.toml"
-    path.write_text("[car]\nwheelbase_m = 0.33\n")
-    return path
+FILE = "[car]\nwheelbase_m = 0.33\n"
 
 
 async def begin(tab, scene):

@@ -17,11 +17,7 @@ def data(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
 
 
-@pytest.fixture
-def car_toml(tmp_path):
-    path = tmp_path / "car.toml"
-    path.write_text('[wall_follow]\nmethod = "ball"\n')
-    return path
+FILE = '[wall_follow]\nmethod = "ball"\n'
 
 
 async def opened(tab, scene):
