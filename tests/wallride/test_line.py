@@ -9,6 +9,7 @@ import pytest
 
 from wallride import cli
 from wallride.runtime.line_files import read_line
+from wallride.sim.racing.raceline import _with_speed
 
 
 @pytest.fixture(autouse=True)
@@ -21,6 +22,23 @@ def here(tmp_path, monkeypatch):
 def without_picture(monkeypatch):
     """Write no picture: to draw one takes as long as to find the line."""
     monkeypatch.setattr("wallride.sim.racing.command.save_picture", lambda file, *_: file.write(b"a picture"))
+
+
+@pytest.fixture
+def along_the_middle(monkeypatch, without_picture):
+    """Let the line be the middle of the way round, where what counts is which way round and which file."""
+    middle = lambda ring_m, space, grip, **_: _with_speed(ring_m, space, grip)  # noqa: E731
+    monkeypatch.setattr("wallride.sim.racing.command.race_line", middle)
+
+
+@pytest.fixture
+def lab(here):
+    """The settings file of a map with one way round."""
+    cells = np.full((80, 120), 254, np.uint8)
+    cells[[0, -1]] = cells[:, [0, -1]] = cells[25:55, 25:95] = 0
+    (here / "lab.pgm").write_bytes(b"P5 120 80 255\n" + cells.tobytes())
+    (here / "lab.yaml").write_text("image: lab.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n")
+    return here / "lab.yaml"
 
 
 def test_the_file_is_one_that_programs_of_the_field_read(here, capsys):
@@ -48,14 +66,12 @@ def test_a_line_is_a_path_for_another_line_the_other_way_round(here, capsys):
     assert np.sign([np.unwrap(yaw)[-1] - yaw[0] for yaw in yaw_rad]).tolist() in ([1, -1], [-1, 1])
 
 
-@pytest.mark.usefixtures("without_picture")
-def test_the_line_goes_beside_its_map_and_never_over_the_line_of_another(here, capsys, monkeypatch):
-    cells = np.full((80, 120), 254, np.uint8)
-    cells[[0, -1]] = cells[:, [0, -1]] = cells[25:55, 25:95] = 0
+@pytest.mark.usefixtures("along_the_middle")
+def test_the_line_goes_beside_its_map_and_never_over_the_line_of_another(here, lab, capsys, monkeypatch):
     maps = here / "maps"
     maps.mkdir()
-    (maps / "lab.pgm").write_bytes(b"P5 120 80 255\n" + cells.tobytes())
-    (maps / "lab.yaml").write_text("image: lab.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n")
+    for name in ("lab.pgm", "lab.yaml"):
+        (here / name).rename(maps / name)
     assert cli.main(["line", "maps/lab.yaml"]) == 0
     assert "written: maps/lab.line.csv, maps/lab.line.png" in capsys.readouterr().out
     assert sorted(path.name for path in here.iterdir()) == ["maps"]
@@ -70,16 +86,12 @@ def test_the_line_goes_beside_its_map_and_never_over_the_line_of_another(here, c
     assert (here / "lab.line.csv").read_text() == mine
 
 
-@pytest.mark.usefixtures("without_picture")
-def test_a_line_tells_whether_it_goes_round_against_the_lap_of_its_map(here):
-    cells = np.full((80, 120), 254, np.uint8)
-    cells[[0, -1]] = cells[:, [0, -1]] = cells[25:55, 25:95] = 0
-    (here / "lab.pgm").write_bytes(b"P5 120 80 255\n" + cells.tobytes())
-    (here / "lab.yaml").write_text("image: lab.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n")
+@pytest.mark.usefixtures("along_the_middle")
+def test_a_line_tells_whether_it_goes_round_against_the_lap_of_its_map(here, lab):
     ways = ([], False), (["--reverse"], True), (["--side", "right"], False), (["--side", "right", "--reverse"], True)
     for options, is_against in ways:
         assert cli.main(["line", "lab.yaml", "-o", "one.csv", *options]) == 0
-        assert read_line(here / "one.csv", here / "lab.yaml").is_against_lap is is_against
+        assert read_line(here / "one.csv", lab).is_against_lap is is_against
     corners = [(1.2, 1.2), (10.8, 1.2), (10.8, 6.8), (1.2, 6.8), (1.2, 1.2)]
     rows = "\n".join(f"{x_m}; {y_m}" for x_m, y_m in np.vstack([np.linspace(*two, 20) for two in pairwise(corners)]))
     (here / "lab.path.csv").write_text(f"# x_m; y_m\n{rows}\n")  # to the left, as with the wall on the right
