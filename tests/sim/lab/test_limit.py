@@ -1,6 +1,7 @@
 """The physical limit beside the values that another simulator's search found."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -58,7 +59,7 @@ def test_the_whole_vehicle_comes_near_the_constant_speed_limit():
 
 def test_nothing_to_do_costs_nothing_and_a_worse_start_costs_more():
     assert least_mean_error_m(task()) == 0.0
-    assert least_mean_error_m(task(0.8)) < least_mean_error_m(task(0.6))
+    assert least_mean_error_m(task(0.8, way_m=3.0)) < least_mean_error_m(task(0.6, way_m=3.0))
 
 
 def test_what_counts_is_the_error_at_the_scans_and_the_first_one_is_at_the_start():
@@ -72,13 +73,14 @@ def test_what_counts_is_the_error_at_the_scans_and_the_first_one_is_at_the_start
 
 
 def test_less_grip_a_slower_servo_and_a_delay_cost():
-    plain_m = least_mean_error_m(task(1.4, speed_mps=4.0))
+    turn = partial(task, 1.4, speed_mps=4.0, way_m=3.0)
+    plain_m = least_mean_error_m(turn())
     for worse in (
         {"vehicle": VehicleSettings(grip_mu=0.4)},
         {"vehicle": VehicleSettings(steering_rate_radps=0.5)},
         {"delay_s": 0.2},
     ):
-        assert least_mean_error_m(task(1.4, speed_mps=4.0, **worse)) > 1.01 * plain_m
+        assert least_mean_error_m(turn(**worse)) > 1.01 * plain_m
 
 
 def test_the_steering_found_keeps_stop_and_rate():

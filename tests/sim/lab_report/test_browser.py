@@ -6,6 +6,7 @@ import pytest
 from rich.console import Console
 
 from tests.clients.monitor.axe import violations
+from wallride.sim.lab.report.drives import Starts
 from wallride.sim.lab.report.plan import ReportPlan
 from wallride.sim.lab_report.command import measure, write
 
@@ -16,7 +17,8 @@ LOOKS = [{"width": 1400, "height": 900}, {"width": 390, "height": 844, "mobile":
 def page(tmp_path_factory):
     """Write a small report once."""
     plan = ReportPlan(
-        tests=("t5",), report_settings=("wall_follow.kd=1.6",), trial_speeds_mps=(1.0,), obstacle_speeds_mps=(2.0,),
+        tests=("t5",), report_settings=("wall_follow.kd=1.6",), law_settings=("wall_follow.kp=13.5",
+        "wall_follow.kd=4.5"), starts=Starts(way_m=1.0), trial_speeds_mps=(1.0,), obstacle_speeds_mps=(2.0,),
         varies=False,
     )  # fmt: skip
     folder = tmp_path_factory.mktemp("report")

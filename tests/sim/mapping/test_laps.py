@@ -1,5 +1,6 @@
 """Laps of the simulated car: the map is the truth's, and a broken recording is refused or corrected."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,9 @@ from wallride.sim.mapping.closing import close_lap
 from wallride.sim.mapping.verdict import CONTRADICTION, contradiction, judge_map
 
 
-def mapped(flaw="", *, gyro=True, seed=3, speed_mps=4.0):
-    record, truth = recorded(MapDrive("loop", speed_mps, 0.8, seed, gyro=gyro, flaw=flaw), Path())
+@cache
+def mapped(flaw="", *, gyro=True):
+    record, truth = recorded(MapDrive("loop", 4.0, 0.8, 3, gyro=gyro, flaw=flaw), Path())
     lap = close_lap(record)
     return judge_map(record, lap), errors_m(lap, record, truth), lap
 
@@ -51,7 +53,7 @@ def test_a_broken_recording_is_refused_with_the_reason(flaw, reason):
 
 @pytest.mark.parametrize(("bend_rad", "good"), [(0.01, True), (0.1, False)])
 def test_a_map_that_is_bent_by_more_than_a_map_may_be_wrong_contradicts_its_end(bend_rad, good):
-    _, _, lap = mapped()
+    _, _, lap = mapped(gyro=True)
     turn_rad = np.linspace(0.0, bend_rad, len(lap.poses))
     places = lap.poses[:, :2] @ np.array([1.0, 1j])
     places[1:] = places[0] + np.cumsum(np.diff(places) * np.exp(1j * turn_rad[1:]))

@@ -1,6 +1,5 @@
 """The same code decides the same; another setting is found at the first scan that it changes."""
 
-import math
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,14 +22,19 @@ from wallride.sim.replay.drive_log import read_log
 from wallride.sim.replay.reenact import _Ranges, events_of, reenact
 
 
-def test_a_simulated_drive_is_decided_identically(dead_end):
-    log = read_log(dead_end)
+@pytest.fixture(scope="module")
+def log(dead_end):
+    return read_log(dead_end)
+
+
+def test_a_simulated_drive_is_decided_identically(log):
     reasons = {fields["reason"] for _, fields in log.json("decision")}
     assert any("slower" in reason for reason in reasons), "a graded limit depends on the clock to the microsecond"
     verdict = reenact(log)
     assert verdict.exact
     assert verdict.first is None
     assert verdict.answers == 360
+    assert verdict.duration_s == pytest.approx(9.0, abs=0.05)
     assert verdict.decisions >= 360
     assert verdict.notes == []
 
@@ -99,8 +103,7 @@ def test_the_ramp_after_a_brake_of_the_motors_own_is_replayed(tmp_path):
     assert verdict.exact
 
 
-def test_another_gain_is_found_at_the_first_scan_that_it_changes(dead_end):
-    log = read_log(dead_end)
+def test_another_gain_is_found_at_the_first_scan_that_it_changes(log):
     verdict = reenact(log, ["safety.graded_share=0.3"])
     first = verdict.first
     assert first is not None
@@ -113,15 +116,15 @@ def test_another_gain_is_found_at_the_first_scan_that_it_changes(dead_end):
     )
 
 
-def test_a_setting_of_the_follower_is_found_at_the_first_scan(dead_end):
-    first = reenact(read_log(dead_end), ["wall_follow.speed_mps=1.9"]).first
+def test_a_setting_of_the_follower_is_found_at_the_first_scan(log):
+    first = reenact(log, ["wall_follow.speed_mps=1.9"]).first
     assert first is not None
     assert (first.scan, first.what) == (0, "the follower's speed [m/s]")
     assert (first.recorded, first.replayed) == (2.0, 1.9)
 
 
-def test_a_setting_that_changes_nothing_is_no_difference(dead_end):
-    assert reenact(read_log(dead_end), ["wall_follow.speed_mps=2.0", "log.level=ERROR"]).first is None
+def test_a_setting_that_changes_nothing_is_no_difference(log):
+    assert reenact(log, ["wall_follow.speed_mps=2.0", "log.level=ERROR"]).first is None
 
 
 def test_a_tape_that_begins_in_the_middle_is_compared_loosely_and_says_so(tmp_path):
@@ -135,49 +138,44 @@ def test_a_tape_that_begins_in_the_middle_is_compared_loosely_and_says_so(tmp_pa
     assert verdict.decisions > 200
 
 
-def test_scans_that_are_not_in_the_file_are_counted(dead_end, tmp_path):
-    path = rewritten(dead_end, tmp_path, leave_out=lambda message: message.topic == "scan" and message.sequence == 200)
+def test_scans_that_are_not_in_the_file_are_counted(log, tmp_path):
+    path = rewritten(log, tmp_path, leave_out=lambda message: message.topic == "scan" and message.sequence == 200)
     verdict = reenact(read_log(path))
     assert "1 scans that the laws saw are not in the recording" in verdict.notes[-1]
     assert verdict.scans == 359
 
 
-def test_a_hole_in_the_tape_is_said_and_not_taken_for_a_difference(dead_end, tmp_path):
-    log = read_log(dead_end)
+def test_a_hole_in_the_tape_is_said_and_not_taken_for_a_difference(log, tmp_path):
     tapes = log.of(channels.TAPE)
     lost = tapes[len(tapes) // 3]
-    verdict = reenact(read_log(rewritten(dead_end, tmp_path, leave_out=lambda message: message == lost)))
+    verdict = reenact(read_log(rewritten(log, tmp_path, leave_out=lambda message: message == lost)))
     assert not verdict.exact
     assert "64 events are missing after scan" in verdict.notes[0]
     assert verdict.first is None or verdict.first.time_s > 5
 
 
-def test_a_recording_without_a_tape_is_refused_with_what_it_is_good_for(dead_end, tmp_path):
-    path = rewritten(dead_end, tmp_path, leave_out=lambda message: message.topic == channels.TAPE)
+def test_a_recording_without_a_tape_is_refused_with_what_it_is_good_for(log, tmp_path):
+    path = rewritten(log, tmp_path, leave_out=lambda message: message.topic == channels.TAPE)
     with pytest.raises(RecordingError, match=r"has no decision log.*can be published and reported"):
         reenact(read_log(path))
 
 
-def test_a_tape_of_another_format_is_refused_with_the_remedy(dead_end, tmp_path):
-    path = rewritten(dead_end, tmp_path, change=lambda payload: payload.replace(b'"tape":1', b'"tape":9', 1))
+def test_a_tape_of_another_format_is_refused_with_the_remedy(log, tmp_path):
+    path = rewritten(log, tmp_path, change=lambda payload: payload.replace(b'"tape":1', b'"tape":9', 1))
     with pytest.raises(RecordingError, match="replay it with the version that recorded it"):
         reenact(read_log(path))
 
 
-def test_a_setting_that_does_not_exist_is_refused_by_name(dead_end):
+def test_a_setting_that_does_not_exist_is_refused_by_name(log):
     with pytest.raises(SettingsError, match=r"^--set: wall_follow.sped is not a setting"):
-        reenact(read_log(dead_end), ["wall_follow.sped=1"])
+        reenact(log, ["wall_follow.sped=1"])
 
 
-def test_nothing_on_the_tape_is_infinite_time(dead_end):
-    assert math.isclose(reenact(read_log(dead_end)).duration_s, 9.0, abs_tol=0.05)
-
-
-def rewritten(path, folder, *, leave_out=lambda message: False, change=lambda payload: payload):
+def rewritten(log, folder, *, leave_out=lambda message: False, change=lambda payload: payload):
     """Return a copy without some messages, or with another decision log."""
     copy = folder / "copy.mcap"
     file = McapFile(copy, Disk(), {"car": "car1"}, "wallride")
-    for message in read_log(path).messages:
+    for message in log.messages:
         if not leave_out(message):
             payload = change(message.payload) if message.topic == channels.TAPE else message.payload
             schema = message.schema or channels.STRING
@@ -187,8 +185,8 @@ def rewritten(path, folder, *, leave_out=lambda message: False, change=lambda pa
     return copy
 
 
-def test_a_converted_copy_in_which_scans_have_no_numbers_is_refused(dead_end):
-    scans = read_log(dead_end).of(topics.SCAN)
+def test_a_converted_copy_in_which_scans_have_no_numbers_is_refused(log):
+    scans = log.of(topics.SCAN)
     copy: Any = SimpleNamespace(of=lambda _topic: [replace(scan, sequence=0) for scan in scans])
     with pytest.raises(RecordingError, match="another program converted: take the original"):
         _Ranges(copy)

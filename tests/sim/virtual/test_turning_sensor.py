@@ -69,25 +69,27 @@ def test_at_the_speed_that_it_allows_it_follows_the_walls_nearly_as_well(word, s
 @pytest.mark.parametrize("word", ["x4"])
 def test_a_box_in_the_way_is_a_stop(word):
     box = Obstacle(Box(0.3, 0.6), StandingObstacle(Pose(7.0, 0.0, 0.0)))
-    run = drive_with(word, "corridor", 1.5, obstacles=(box,))
+    run = drive_with(word, "corridor", 1.5, obstacles=(box,), duration_s=9.0)
     assert run.contact is None
     assert run.speed_mps[-1, 0] < 0.1
 
 
 @pytest.mark.parametrize("word", ["a2"])
 def test_missing_returns_are_driven_with(word):
-    run = drive_with(word, "corridor", 1.0, lidar=LidarSettings(noise_std_m=0.01, dropout_share=0.3))
+    run = drive_with(word, "corridor", 1.0, lidar=LidarSettings(noise_std_m=0.01, dropout_share=0.3), duration_s=10.0)
     assert run.contact is None
     assert run.distance_m > 8.0
 
 
-@pytest.mark.parametrize(("word", "missing_share", "drives"), [("x4", 0.3, True), ("c1", 1.0, False)])
-def test_in_a_hall_a_third_may_be_missing_and_a_covered_one_stops(word, missing_share, drives):
+@pytest.mark.parametrize(
+    ("word", "missing_share", "drives", "duration_s"), [("x4", 0.3, True, 18.0), ("c1", 1.0, False, 6.0)]
+)
+def test_in_a_hall_a_third_may_be_missing_and_a_covered_one_stops(word, missing_share, drives, duration_s):
     corners = np.array([[-10.0, -7.0], [10.0, -7.0], [10.0, 7.0], [-10.0, 7.0]])
     hall = World("", SegmentGeometry(np.hstack([corners, np.roll(corners, -1, axis=0)])), Pose(-8.0, 6.0, 0.0))
     follower, guard = build("ball", "left", 1.0, 1.0)
     lidar = LidarSettings(noise_std_m=0.01, outlier_share=0.005, dropout_share=missing_share)
-    run = drive(Case(hall, side="left", turning=word, lidar=lidar, duration_s=20.0, seed=3), follower, guard)
+    run = drive(Case(hall, side="left", turning=word, lidar=lidar, duration_s=duration_s, seed=3), follower, guard)
     assert run.contact is None
     if drives:
         assert run.distance_m > 15.0
@@ -99,7 +101,7 @@ def test_in_a_hall_a_third_may_be_missing_and_a_covered_one_stops(word, missing_
 
 @pytest.mark.parametrize(("word", "most_mps"), [("a2", 2.0), ("x4", 1.4)])
 def test_the_speed_is_what_the_lidar_allows(word, most_mps):
-    run = drive_with(word, "corridor", 4.0)
+    run = drive_with(word, "corridor", 4.0, duration_s=7.0)
     assert run.contact is None
     assert run.speed_mps[:, 0].max() < 1.07 * most_mps
     assert run.speed_mps[:, 0].max() > 0.85 * most_mps
