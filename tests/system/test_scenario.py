@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from wallride.cli import main
+
 SCENARIO = """world = "loop"
 duration_s = 6.0
 [settings]
@@ -58,7 +60,7 @@ def test_what_does_not_hold_is_exit_code_1(tmp_path):
         ("", ["--pose", "0,3,0"], "says where and in what conditions the car drives; change it there"),
     ],
 )
-def test_mistakes_end_it_before_the_car_starts(tmp_path, more, options, words):
-    done = played(tmp_path, SCENARIO.format(kind="lidar lost", way_m=1) + more, *options)
-    assert done.returncode == 2
-    assert words in done.stderr
+def test_mistakes_end_it_before_the_car_starts(tmp_path, capsys, more, options, words):
+    (tmp_path / "some.toml").write_text(SCENARIO.format(kind="lidar lost", way_m=1) + more)
+    assert main(["sim", str(tmp_path / "some.toml"), "--headless", *options]) == 2
+    assert words in capsys.readouterr().err

@@ -30,7 +30,7 @@ async def test_two_cars_drive_in_one_world_and_end_together(tmp_path):
         assert len(set(endpoints)) == 2
         children = children_of(process.pid)
         assert len(children) == 2
-        await asyncio.sleep(8.0)
+        await asyncio.sleep(6.0)
         process.send_signal(signal.SIGINT)
         async with asyncio.timeout(30.0):
             assert await process.wait() == 0
