@@ -5,7 +5,7 @@ from copy import deepcopy
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -146,14 +146,16 @@ def test_front_tyres_that_slip_more_than_the_rear_ones_lead_nowhere_else(bend_pe
     grip_mps2 = 0.8 * 9.81
     car = promised_way.Roadworthy(3.0, steering_rad, 0.05, 3.2, 0.33, 0.34, grip_mps2, SLIP_RAD_PER_MPS2, 4.0)
     places_m = way(9.0, bend_per_m)[0] * np.exp(-9j * SLIP_RAD_PER_MPS2 * bend_per_m)
-    driven = promised_way.way_of(places_m, np.full(places_m.size, 3.0), car._replace(wheel_rad=0.3 * bend_per_m), 3.0)
+    driven: Any = promised_way.way_of(
+        places_m, np.full(places_m.size, 3.0), car._replace(wheel_rad=0.3 * bend_per_m), 3.0
+    )
     assert promise_judgement._leads_elsewhere(driven, car, steering_rad, 0.0) is elsewhere
 
 
 def test_before_a_place_without_room_to_brake_it_brakes_the_less_the_more_the_bend_takes():
     def limit_mps(left):
-        one = np.ones(1)
-        judged_way = promise_judgement.JudgedWay(None, 0.0, None, 0.0, 2.0 * one, 2.0 * one, left * one)
+        one, unused = np.ones(1), cast("Any", None)
+        judged_way = promise_judgement.JudgedWay(unused, 0.0, unused, 0.0, 2.0 * one, 2.0 * one, left * one)
         return judged_way.limit(Promising(1).guard.body, 0.1).forward_mps
 
     assert limit_mps(1.0) == pytest.approx(math.sqrt(0.353**2 + 2.0 * 3.53 * 2.0 + 4.0) - 0.353, abs=0.01)
