@@ -1,6 +1,6 @@
 """Steering and speed by a race line: feed-forward with tyres, and feedback at the pose when the answer takes effect.
 
-    k = k_line(s + 0.06 s * v + 0.05 m) - (2 z w / v) sin(heading error + 0.08 s * excess turn) - (w / v)^2 * lateral
+    k = k_line(s + T v + 0.05 m) - (2 z w / v) sin(heading error + 0.08 s * excess turn) - (w / v)^2 * lateral
     steering = atan(wheelbase * k) + front slip - rear slip - trim
 
 The heading error is that of the rear axle's way, which points outward from the car's heading by the rear slip. The
@@ -17,8 +17,9 @@ from wallride.runtime.control.tyres import SLOWEST_MPS, Moving, Tyres
 from wallride.runtime.control.wall_following.prediction import slew_towards
 
 FREQUENCY_RADPS, DAMPING = 6.0, 1.1
-AHEAD_S, AHEAD_M = 0.06, 0.05
-"""How far ahead of the car the curvature of the line is taken: the turn follows the wheels with a lag."""
+AHEAD_S, AHEAD_M, AHEAD_SETTLING = 0.06, 0.05, 0.43
+"""How far ahead of the car the curvature of the line is taken, in time and in times in which a slip of the rear axle
+settles, whichever is more (T above): the turn follows the wheels with a lag, on a slippery floor with a longer one."""
 LEAD_S: Final = 0.08
 """How far ahead the heading is taken, by the present turn: without it the lag of the turn lets the car weave."""
 BRAKES_AHEAD_S: Final = 0.10
@@ -76,7 +77,8 @@ def steering_rad(car: Moving, line: CourseLine, on: OnLine, tyres: Tyres, pulled
     pulled = pulled or tyres
     per_m = feedback_per_m(car.speed_mps, tyres)
     most_m = min(MOST_ASIDE_M, 2.0 * DAMPING * STEEPEST / per_m)
-    curvature_radpm = line.curvature_at(on.along_m + AHEAD_S * car.speed_mps + AHEAD_M)
+    ahead_s = max(AHEAD_S, AHEAD_SETTLING / tyres.settles_radps(car.speed_mps))
+    curvature_radpm = line.curvature_at(on.along_m + ahead_s * car.speed_mps + AHEAD_M)
     lateral_mps2 = car.speed_mps**2 * curvature_radpm
     more_rad = pulled.understeer_rad(lateral_mps2) - tyres.understeer_rad(lateral_mps2)
     off_rad = heading_error_rad(car, on, pulled) + LEAD_S * (car.turn_radps - car.speed_mps * on.curvature_radpm)
