@@ -107,8 +107,8 @@ def add_reserve(command: argparse.ArgumentParser) -> None:
         help="distance from walls to the middle of the car (default: 0.36)",
     )  # fmt: skip
     command.add_argument(
-        "--lateral", dest="lateral_share", type=_share, default=0.8, metavar="SHARE",
-        help="share of the grip that bends may use (default: 0.8)",
+        "--lateral", dest="lateral_share", type=_share, default=0.75, metavar="SHARE",
+        help="share of the grip that bends may use (default: 0.75)",
     )  # fmt: skip
     command.add_argument(
         "--brake", dest="brake_share", type=_share, default=0.6, metavar="SHARE",

@@ -60,7 +60,7 @@ class RaceCell(Cell):
     assumed: float = 1.0
     delay_s: float = 0.0
     stiffness: float = 1.0
-    lateral_share: float = 0.8
+    lateral_share: float = 0.75
     brake_share: float = 0.6
     keep_m: float = 0.36
     box: str = ""

@@ -25,7 +25,7 @@ class Grip:
     """
 
     mu: float = 0.8
-    lateral_share: float = 0.8
+    lateral_share: float = 0.75
     brake_share: float = 0.6
     speed_mps: float = 6.0
     drive_mps2: float = 4.0
