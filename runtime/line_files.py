@@ -196,9 +196,8 @@ def read_course(settings: PoseMapSettings, car: CarSettings) -> RaceCourse | Non
 
 def check_course(file: Path) -> None:
     """Read a map with its walls and line, as a car that starts does. Raises: MapError, with what to do."""
-    read_course(
-        PoseMapSettings(file=str(file)), CarSettings(max_steering_rad=1.1)
-    )  # what it steers is the car's to say
+    steers_anything = CarSettings(max_steering_rad=1.1)  # what it cannot steer is the car's to say
+    read_course(PoseMapSettings(file=str(file)), steers_anything)
 
 
 def _through_walls(line: CourseLine, grid: MapGrid) -> str:

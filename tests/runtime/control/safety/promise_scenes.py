@@ -71,3 +71,20 @@ def by_arc(assessment, memory, speed_mps=SPEED_MPS, steering_rad=0.0):
     """Return the verdict on the same command without a promise."""
     fresh = replace(assessment, strip=assessment.strip.copied())
     return fresh.judge(speed_mps, steering_rad, memory)[0]
+
+
+def judged(car, ranges_m, promise, **command):
+    """Return the verdict with a promise and the one without, of one scan."""
+    assessment = car.see(ranges_m)
+    plain = by_arc(assessment, car.guard.memory, SPEED_MPS, command.get("steering_rad", car.wheel_rad))
+    return car.told(assessment, promise(car.now_s), **command), plain
+
+
+def changed(path=lambda path_m: path_m, speed=lambda speed_mps: speed_mps, margin_m=0.02, at_s=0.0):
+    """Return how the honest promise is changed."""
+
+    def made(stamp_s):
+        honest = promise_of(stamp_s)
+        return Promise(path(honest.path_m.copy()), speed(honest.speed_mps.copy()), margin_m, stamp_s + at_s)
+
+    return made

@@ -1,9 +1,7 @@
 """A promised path is judged in place of the arc, if it is believed; no source is trusted."""
 
 import math
-from copy import deepcopy
 from dataclasses import replace
-from functools import partial
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -18,13 +16,14 @@ from tests.runtime.control.safety.promise_scenes import (
     SPEED_MPS,
     Promising,
     by_arc,
+    changed,
+    judged,
     promise_of,
     way,
 )
 from tests.runtime.control.safety.swept_scenes import wall_at, world
 from wallride.drivers.api import Drive, Scan
 from wallride.runtime.arbitration.command import DriveCommand, Source, SpeedLimit, Verdict, arbitrate
-from wallride.runtime.arbitration.promise import Promise
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.own_laws.guard import CappedAssessment
 from wallride.runtime.control.perception.motion.scan_matching import ScanPose
@@ -35,31 +34,6 @@ from wallride.runtime.control.safety.promise_record import LEAST_MARGIN_M, NO_PR
 from wallride.runtime.live_stack import LiveStack
 from wallride.runtime.recording.decision_log import DecisionLog
 from wallride.runtime.settings.tree import load_settings
-
-
-def judged(car, ranges_m, promise, **command):
-    """Return the verdict with a promise and the one without, of one scan."""
-    assessment = car.see(ranges_m)
-    plain = by_arc(assessment, car.guard.memory, SPEED_MPS, command.get("steering_rad", car.wheel_rad))
-    return car.told(assessment, promise(car.now_s), **command), plain
-
-
-def changed(path=lambda path_m: path_m, speed=lambda speed_mps: speed_mps, margin_m=0.02, at_s=0.0):
-    """Return how the honest promise is changed."""
-
-    def made(stamp_s):
-        honest = promise_of(stamp_s)
-        return Promise(path(honest.path_m.copy()), speed(honest.speed_mps.copy()), margin_m, stamp_s + at_s)
-
-    return made
-
-
-def set_to(number, index):
-    def made(values):
-        values[index] = number
-        return values
-
-    return made
 
 
 def test_a_kept_promise_is_judged_in_place_of_the_arc():
@@ -81,53 +55,6 @@ def test_without_a_promise_nothing_is_remembered():
     car = Promising()
     judged(car, OPEN, lambda _: None)
     assert car.record is NO_PROMISES
-
-
-HOSTILE = {
-    "not a number": (changed(set_to(math.nan, (0, 20))), promised_way.NO_NUMBERS),
-    "infinite": (changed(set_to(math.inf, (1, 3))), promised_way.NO_NUMBERS),
-    "no speed": (changed(speed=set_to(math.nan, 5)), promised_way.NO_NUMBERS),
-    "backward": (changed(speed=set_to(-1.0, 5)), promised_way.NO_NUMBERS),
-    "no margin": (changed(margin_m=math.nan), promised_way.NO_NUMBERS),
-    "negative margin": (changed(margin_m=-0.1), promised_way.NO_NUMBERS),
-    "empty": (changed(lambda path_m: path_m[:, :0], lambda speed_mps: speed_mps[:0]), promised_way.NO_NUMBERS),
-    "one point": (changed(lambda path_m: path_m[:, :1], lambda speed_mps: speed_mps[:1]), promised_way.NO_NUMBERS),
-    "other shape": (changed(lambda path_m: path_m.T), promised_way.NO_NUMBERS),
-    "words": (changed(lambda _: "straight on"), promised_way.NO_NUMBERS),
-    "nothing": (changed(lambda _: None), promised_way.NO_NUMBERS),
-    "too many": (
-        changed(lambda path_m: np.tile(path_m, 99), lambda speed: np.tile(speed, 99)),
-        promised_way.NO_NUMBERS,
-    ),
-    "too short": (changed(lambda path_m: path_m[:, :9], lambda speed_mps: speed_mps[:9]), promised_way.TOO_SHORT),
-    "of another scan": (changed(at_s=-9.0), promise_judgement.OTHER_SCAN),
-    "to come": (changed(at_s=0.5), promise_judgement.OTHER_SCAN),
-    "elsewhere": (changed(lambda path_m: path_m + 1.0), promise_record.TAKEN_BACK),
-    "turned": (changed(lambda path_m: path_m[::-1]), promise_record.TAKEN_BACK),
-    "standing": (changed(np.zeros_like), promised_way.GAPS),
-    "with gaps": (changed(lambda path_m: path_m[:, ::8], lambda speed_mps: speed_mps[::8]), promised_way.GAPS),
-}
-
-
-@pytest.mark.parametrize(("promise", "reason"), HOSTILE.values(), ids=HOSTILE)
-def test_what_is_no_path_is_judged_by_the_arc_at_once(promise, reason):
-    car = Promising()
-    refused = car.record.refused
-    promised, plain = judged(car, BESIDE, promise)
-    assert promised == plain
-    assert (car.record.reason, car.record.refused) == (reason, refused + 1)
-    assert car.guard.words == (f"the promised path is not believed: {reason} ({refused + 1} times)",)
-
-
-def test_random_promises_never_raise_and_never_allow_more_than_both_judgements():
-    rng, trusted = np.random.default_rng(46), Promising(24)
-    for _ in range(150):
-        car = deepcopy(trusted)
-        count = int(rng.integers(0, 40))
-        path_m = np.cumsum(rng.normal(0.1, rng.choice((0.0, 0.02, 1.0)), (2, count)), axis=1)
-        path_m = np.where(rng.random(path_m.shape) < 0.02, rng.choice((math.nan, math.inf, 1e300)), path_m)
-        promised, plain = judged(car, BESIDE, partial(Promise, path_m, rng.normal(2, 2, count), 0.1))
-        assert promised == plain
 
 
 def test_a_command_that_leads_elsewhere_is_judged_by_its_arc():
