@@ -186,8 +186,10 @@ def _judged(
     binds = way.speed_mps[some] > most_mps
     hidden_m = _hidden_m(strip.view, way, body.bare.front_m)
     cap_m, cap_mps = braked_m[binds], most_mps[binds]
-    aside = np.minimum(way.speed_mps[some] ** 2 * bend_per_m / car.grip_mps2, MOST_ASIDE)
-    left = np.sqrt(1.0 - np.maximum.accumulate(aside) ** 2)[binds]
+    left = cap_m
+    if cap_m.size:
+        aside = np.minimum(way.speed_mps[some] ** 2 * bend_per_m / car.grip_mps2, MOST_ASIDE)
+        left = np.sqrt(1.0 - np.maximum.accumulate(aside) ** 2)[binds]
     if hidden_m < look_m:
         cap_m, cap_mps = np.append(cap_m, max(0.0, hidden_m - HIDDEN_SPARE_M)), np.append(cap_mps, 0.0)
         left = np.append(left, 1.0)
