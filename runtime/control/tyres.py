@@ -18,8 +18,9 @@ MOST_PULL: Final = 0.5
 
 MOST_OTHER: Final = 1.7
 """Largest ratio of the observed stiffness of tyres and the assumed one, either way."""
-SLIPPERY: Final = 1.3
-"""Ratio of the observed slip and the assumed one from which the floor has less grip: noise and tyres explain less."""
+SLIPPERY: Final = (1.08, 1.18)
+"""Ratios of the observed slip and the assumed one from which the floor has less grip, and from which it has all that
+much less: with grip and tyres as assumed, noise has made up to 1.14."""
 
 SLOWEST_MPS: Final = 1.0
 """Speed for rates and gains below it: at a standstill they would be infinite."""
@@ -43,16 +44,22 @@ class Tyres:
     front_load: float = 1.0
     rear_load: float = 1.0
 
+    @property
+    def slip_s2pm(self) -> float:
+        """Return the way aside of the rear axle over speed^2 * turn, by its stiffness alone."""
+        return 1.0 / (self.mu * GRAVITY_MPS2 * self.rear_per_rad)
+
     def slipping(self, slip_s2pm: float) -> "Tyres":
         """Return tyres whose rear axle moves aside by slip * speed^2 * turn, as it was observed; the front alike."""
-        share = 1.0 / (max(slip_s2pm, 1e-3) * self.mu * GRAVITY_MPS2 * self.rear_per_rad)
+        share = self.slip_s2pm / max(slip_s2pm, 1e-3)
         share = min(max(share, 1.0 / MOST_OTHER), MOST_OTHER)
         return Tyres(self.wheelbase_m, self.mu, share * self.front_per_rad, share * self.rear_per_rad)
 
     def floor_mu(self, slip_s2pm: float) -> float:
         """Return the friction of the floor by the slip that was observed; as assumed, where that explains it."""
-        ratio = slip_s2pm * self.mu * GRAVITY_MPS2 * self.rear_per_rad
-        return self.mu / ratio if ratio > SLIPPERY else self.mu
+        ratio = slip_s2pm / self.slip_s2pm
+        believed = min(max((ratio - SLIPPERY[0]) / (SLIPPERY[1] - SLIPPERY[0]), 0.0), 1.0)
+        return self.mu / (1.0 + believed * (ratio - 1.0))
 
     def pulling(self, ahead_mps2: float) -> "Tyres":
         """Return tyres that speed the car up or slow it down: with less grip aside, and other loads."""
@@ -61,6 +68,11 @@ class Tyres:
         aside = math.sqrt(1.0 - (pull_mps2 / (self.mu * GRAVITY_MPS2)) ** 2)
         moved = 2.0 * HEIGHT_SHARE * pull_mps2 / GRAVITY_MPS2
         return replace(self, front_load=aside * (1.0 - moved), rear_load=aside * (1.0 + moved))
+
+    def slip_growth(self, lateral_mps2: float) -> float:
+        """Return the slip of an axle over that by its stiffness alone: 1 where little of the grip is used."""
+        used = min(abs(lateral_mps2) / (self.mu * GRAVITY_MPS2), MOST_SHARE)
+        return float((1.0 - used**4) ** -0.25)
 
     def settles_radps(self, speed_mps: float) -> float:
         """Return how fast a slip of the rear axle dies away: slower with soft tyres, and the faster the car."""

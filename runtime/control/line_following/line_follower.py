@@ -22,6 +22,7 @@ from wallride.runtime.control.line_following.joining import way_is_free
 from wallride.runtime.control.line_following.lap_correction import AT_END_RAD, AT_GRIP, AT_SPEED, LapCorrection
 from wallride.runtime.control.line_following.lap_memory import BuildUp, HeldBack, LapMemory
 from wallride.runtime.control.line_following.line_settings import LineFollowSettings
+from wallride.runtime.control.line_following.observed_slip import ObservedSlip
 from wallride.runtime.control.line_following.promising import Promises, Return, way_ahead
 from wallride.runtime.control.line_following.race_line import CourseLine, OnLine
 from wallride.runtime.control.localization.localizer import PoseEstimate, Whereabouts
@@ -42,8 +43,10 @@ JOINS: Final = "joining the race line"
 DRIVES: Final = "race line"
 JOINED_M, JOINED_RAD = 0.25, 0.35
 """Lateral and heading errors below which the line is joined; beyond the first one the car slows down."""
+LINE_SHARE: Final = 0.8
+"""Share of the grip up to which the line's bends may need it, where less is observed than `floor_mu`."""
 GRIP_USED: Final = 0.9
-"""Share of the grip that is observed up to which the line's bends may need it; the rest is for the feedback."""
+"""Share of the grip that a bend and the way to gain speed in it may need; the rest is for the feedback."""
 DRIVE_SHARE: Final = 0.6
 """Share of the grip to gain speed with on a straight, as lines are planned."""
 BELIEVED_S, BELIEVED_M = 0.55, 1.1
@@ -73,6 +76,7 @@ class LineFollower:
         self._trim = SteeringTrim()
         self._promises = Promises()
         self._told = line_law.ToldWheels(car.steering_rate_radps)
+        self._slip = ObservedSlip()
         self._slip_rad = 0.0
         self._stamp_s = math.nan
         self._on: OnLine | None = None
@@ -130,11 +134,11 @@ class LineFollower:
                 return replace(self._by_wall(by_wall, STOPPED), drive=None)
             return self._by_wall(by_wall, UNKNOWN)
         assumed = self._tyres()
-        tyres = assumed.slipping(pose.slip_s2pm)
-        self._bound_by_grip(assumed, pose.slip_s2pm)
         now = Moving(
             complex(pose.x_m, pose.y_m), pose.yaw_rad, motor.speed_mps * pose.scale, pose.turn_radps, self._trim.rad
         )
+        tyres = assumed.slipping(pose.slip_s2pm)
+        self._bound_by_grip(assumed, self._slip.take(now, since_s, assumed, pose.slip_s2pm))
         self._trim.learn(now, motor.steering_rad, since_s, tyres)
         self._on_line_s += since_s
         self._on_line_m += now.speed_mps * since_s
@@ -148,10 +152,10 @@ class LineFollower:
         return replace(guidance, promise=self._promise(scan.stamp_s, since_s, now, line, tyres, pose.scale))
 
     def _bound_by_grip(self, assumed: Tyres, slip_s2pm: float) -> None:
-        """Drive a smaller share of the line's speed where the floor has less grip than the line was planned for."""
+        """Drive a smaller share of the line's speed where the floor has less grip than assumed."""
         observed_mu = assumed.floor_mu(slip_s2pm)
         known = observed_mu < assumed.mu and self._line_mps2 > 0.0
-        most = math.sqrt(GRIP_USED * observed_mu * GRAVITY_MPS2 / self._line_mps2) if known else math.inf
+        most = math.sqrt(LINE_SHARE * observed_mu * GRAVITY_MPS2 / self._line_mps2) if known else math.inf
         self._build_up.bound(most)
 
     def _promise(

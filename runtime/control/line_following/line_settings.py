@@ -24,7 +24,7 @@ class LineFollowSettings(BallSettings):
     faster_each_lap: Annotated[float, Field(ge=0, le=1)] = 0.2
     """What each lap adds to that share, up to 1, and each time that the car was held back takes away."""
     floor_mu: Annotated[float, Field(gt=0.05, le=2)] = 0.8
-    """Friction of the floor, for the slip of the tyres alone: the line's speeds are in its file."""
+    """Friction that the line was planned for. Where the tyres slip as on less, its speeds are lowered."""
     cornering_front_per_rad: Annotated[float, Field(gt=0.5, le=50)] = 4.7
     """Lateral force of the front axle by its slip angle, as a multiple of friction and load (f1tenth_gym)."""
     cornering_rear_per_rad: Annotated[float, Field(gt=0.5, le=50)] = 5.5

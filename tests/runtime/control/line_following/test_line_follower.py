@@ -14,6 +14,7 @@ from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.line_following.lap_correction import LapCorrection
 from wallride.runtime.control.line_following.line_follower import LineFollower
 from wallride.runtime.control.line_following.line_settings import LineFollowSettings
+from wallride.runtime.control.line_following.observed_slip import ObservedSlip
 from wallride.runtime.control.localization.line_field import field_of_cells
 from wallride.runtime.control.localization.localizer import Localizer
 from wallride.runtime.control.perception.view import ViewCache
@@ -142,13 +143,12 @@ def test_the_first_lap_is_slower_and_the_speed_has_its_bound(room):
     assert bound.drive.speed_mps == pytest.approx(1.7 / one._course.localizer.scale), "the true speed"
 
 
-@pytest.mark.parametrize(("slippery", "share"), [(1.0, 1.0), (2.0, 0.9**0.5)])
-def test_on_a_floor_with_less_grip_than_planned_for_the_line_is_driven_slower(room, slippery, share):
+@pytest.mark.parametrize(("slippery", "share"), [(1.0, 1.0), (1.05, 1.0), (1.2, 0.8**0.5), (2.0, 0.8**0.5)])
+def test_on_a_floor_with_less_grip_than_planned_for_the_line_is_driven_slower(room, monkeypatch, slippery, share):
     line = round_the_block()
-    mu = slippery * line.aside_mps2 / GRAVITY_MPS2  # half of it is all that the line needs
+    mu = slippery * line.aside_mps2 / GRAVITY_MPS2  # all that the line needs is there
     one = follower(room[1], line, first_lap_share=1.0, floor_mu=mu)
-    filter_ = one._course.localizer._filter
-    filter_.state[5] = slippery / (mu * GRAVITY_MPS2 * one._tyres().rear_per_rad)
+    monkeypatch.setattr(ObservedSlip, "take", lambda _, car, since_s, assumed, slip: slippery * assumed.slip_s2pm)
     last = answers(one, room[0], (2.0, 0.0, 0.0), speed_mps=3.0)[-1]
     assert last.drive.speed_mps == pytest.approx(3.0 * share, abs=0.05)
     assert one.figures["speed_share"] == pytest.approx(share, abs=0.01)

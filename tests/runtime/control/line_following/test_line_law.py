@@ -94,7 +94,9 @@ def test_tyres_become_what_is_observed_of_them():
 
 def test_more_slip_than_tyres_explain_is_a_floor_with_less_grip():
     assumed_s2pm = 1.0 / (TYRES.mu * GRAVITY_MPS2 * TYRES.rear_per_rad)
-    assert TYRES.floor_mu(1.2 * assumed_s2pm) == TYRES.mu
+    assert TYRES.floor_mu(1.07 * assumed_s2pm) == TYRES.mu
+    assert TYRES.mu / 1.13 < TYRES.floor_mu(1.13 * assumed_s2pm) < TYRES.mu
+    assert TYRES.floor_mu(1.2 * assumed_s2pm) == pytest.approx(TYRES.mu / 1.2)
     assert TYRES.floor_mu(2.0 * assumed_s2pm) == pytest.approx(TYRES.mu / 2.0)
     assert TYRES.floor_mu(-1.0) == TYRES.mu
 
