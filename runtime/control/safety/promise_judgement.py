@@ -25,7 +25,7 @@ from wallride.runtime.control.safety.footprint import (
     arc,
     slide_room_m,
 )
-from wallride.runtime.control.safety.promise_record import Given, PromiseRecord
+from wallride.runtime.control.safety.promise_record import LEAST_MARGIN_M, Given, PromiseRecord
 from wallride.runtime.control.safety.promised_way import (
     CORRECTS_RAD,
     TOO_SHORT,
@@ -54,6 +54,9 @@ EACH = 3
 """Interval of poses from which braking is judged: 0.18 m."""
 MOST_ASIDE = 0.9
 """Share of the grip above which a bend is not counted on to leave less: the early brake would come at once."""
+STOP_SHARE = 0.5
+"""Share of a margin for which a car brakes at full. For all of it it slows down: it may well pass, and a car that
+brakes at full in a bend slides."""
 LATER_S = 0.03
 STOP_SPARE_M = 0.05
 SLIDE_MARGIN_M = 0.02
@@ -78,6 +81,7 @@ HIDDEN = "slower: the way is hidden"
 class JudgedWay:
     """A believed promise. found: first contact along it. toward_rad: bearing of its middle.
 
+    stops: the contact to brake at full for, with less of the margin where the first one is too near to stop before it.
     cap_m, cap_mps: (k,) ways ahead and the most speed there, from which full braking ends before a contact, or 0 where
     the rest is hidden. left: (k,) share of the grip that the bends before leave to brake with. margin_m: to each side.
     """
@@ -85,6 +89,7 @@ class JudgedWay:
     way: PromisedWay
     margin_m: float
     found: Contact
+    stops: Contact
     toward_rad: float
     cap_m: Floats
     cap_mps: Floats
@@ -167,7 +172,8 @@ def _judged(
     way = way_of(*points, car, look_m)
     if isinstance(way, Unbelievable):
         return way
-    if way.promised_m < stopping_distance_m(car.speed_mps, car.latency_s, body.settings.hard_share * car.grip_mps2):
+    stop_m = stopping_distance_m(car.speed_mps, car.latency_s, body.settings.hard_share * car.grip_mps2)
+    if way.promised_m < stop_m:
         return Unbelievable(TOO_SHORT)
     if command[0] > float(points[1].max()) + FASTER_MPS:
         return Unbelievable(TOO_FAST)
@@ -175,6 +181,10 @@ def _judged(
         return Unbelievable(OTHER_COMMAND)
     margin_m = max(body.settings.side_margin_m, margin_m)
     found = strip.contact_along(way.path, look_m, margin_m)
+    stops = found
+    if found.travel_m < stop_m + STOP_SPARE_M:
+        stops_m = max(body.settings.side_margin_m, LEAST_MARGIN_M, STOP_SHARE * margin_m)
+        stops = strip.contact_along(way.path, look_m, stops_m)
     braked_m, room_m = _braking_room_m(strip, way, look_m)
     soon = braked_m <= car.speed_mps * (car.latency_s + LATER_S)
     if (car.speed_mps**2 - 2.0 * car.grip_mps2 * room_m[soon] > IMPACT_MPS**2).any():
@@ -194,7 +204,7 @@ def _judged(
         cap_m, cap_mps = np.append(cap_m, max(0.0, hidden_m - HIDDEN_SPARE_M)), np.append(cap_mps, 0.0)
         left = np.append(left, 1.0)
     middle_m = way.path.place_m[min(way.path.place_m.size - 1, int(look_m / 2 / STEP_M))]
-    return JudgedWay(way, margin_m, found, cmath.phase(middle_m), cap_m, cap_mps, left)
+    return JudgedWay(way, margin_m, found, stops, cmath.phase(middle_m), cap_m, cap_mps, left)
 
 
 def _roadworthy(strip: Strip) -> Roadworthy:

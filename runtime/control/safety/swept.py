@@ -233,7 +233,8 @@ class SweptAssessment:
             memory = memory._replace(wary_until_s=now_s + WARY_S)
         hard_mps2 = settings.hard_share * body.grip_for_mps2(found)
         hard_m = STOP_SPARE_M + stopping_distance_m(speed_mps, reaction_s, hard_mps2)
-        memory = self._braked(found.travel_m, hard_m, steering_rad, memory)
+        stops = found if way is None or memory.braking else way.stops
+        memory = self._braked(stops.travel_m, hard_m, steering_rad, memory)
         if memory.braking:
             if speed_mps <= STANDING_MPS:
                 return self._standing(found), memory
@@ -250,7 +251,7 @@ class SweptAssessment:
             if slowed is not None:
                 return _emergency(found, slowed), memory._replace(braking=True, emergency=slowed)
         gaining = self._gaining(steering_rad, look_m, wanted_mps, reaction_s, way)
-        return _slower_of(self._slower(found, graded_mps, reaction_s), gaining), memory
+        return _slower_of(self._slower(found, stops, graded_mps, reaction_s), gaining), memory
 
     def _found(self, steering_rad: float, look_m: float, memory: SweptMemory, way: JudgedWay | None) -> Contact:
         """Return the first contact of the way, or of the arc; of both while the car brakes."""
@@ -308,15 +309,15 @@ class SweptAssessment:
         reason = f"{UNSEEN}: crawling" if soft_mps <= CRAWL_MPS else f"slower: {UNSEEN}"
         return Verdict(min(hard_mps, soft_mps), NO_LIMIT_MPS, reason, found.travel_m)
 
-    def _slower(self, found: Contact, graded_mps: float, reaction_s: float) -> Verdict:
-        """Return the verdict for an obstacle without a hard stop: the graded limit, or the motor's slowest speed."""
+    def _slower(self, found: Contact, stops: Contact, graded_mps: float, reaction_s: float) -> Verdict:
+        """Return the verdict without a hard stop: the graded limit, or the slowest speed as long as `stops` is away."""
         body, settings = self.guard.body, self.guard.settings
         where = "beside" if abs(found.aside_m) > body.ahead.half_width_m - EDGE_M else "ahead"
         if graded_mps >= settings.slowest_mps:
             return Verdict(graded_mps, NO_LIMIT_MPS, f"slower: wall {where}", found.travel_m)
         hard_mps2 = settings.hard_share * body.grip_mps2
         creep_m = STOP_SPARE_M + stopping_distance_m(settings.creep_mps, reaction_s, hard_mps2)
-        if found.travel_m > creep_m and self.strip.free_somewhere():
+        if stops.travel_m > creep_m and self.strip.free_somewhere():
             return Verdict(settings.creep_mps, NO_LIMIT_MPS, f"creeping: wall {where}", found.travel_m)
         return self._standing(found)
 

@@ -82,7 +82,7 @@ def test_front_tyres_that_slip_more_than_the_rear_ones_lead_nowhere_else(bend_pe
 def test_before_a_place_without_room_to_brake_it_brakes_the_less_the_more_the_bend_takes():
     def limit_mps(left):
         one, unused = np.ones(1), cast("Any", None)
-        judged_way = promise_judgement.JudgedWay(unused, 0.0, unused, 0.0, 2.0 * one, 2.0 * one, left * one)
+        judged_way = promise_judgement.JudgedWay(unused, 0.0, unused, unused, 0.0, 2.0 * one, 2.0 * one, left * one)
         return judged_way.limit(Promising(1).guard.body, 0.1).forward_mps
 
     assert limit_mps(1.0) == pytest.approx(math.sqrt(0.353**2 + 2.0 * 3.53 * 2.0 + 4.0) - 0.353, abs=0.01)
@@ -192,6 +192,17 @@ def test_what_is_beside_the_path_is_swept_with_the_margin():
         beside = world((1.0, 0.3, 6.0, 0.3))
         verdict = car.told(car.see(beside), promise_of(car.now_s, bend_per_m=0.001, margin_m=margin_m))
         assert (verdict.forward_mps >= SPEED_MPS) == free
+
+
+@pytest.mark.parametrize(("begins_m", "aside_m", "slows", "stops"), [
+    (0.7, 0.36, True, False), (0.7, 0.25, True, True), (1.7, 0.36, True, False), (0.7, 0.5, False, False)
+])  # fmt: skip
+def test_a_car_brakes_at_full_for_half_of_a_margin_and_slows_down_for_all_of_it(begins_m, aside_m, slows, stops):
+    car = Promising(bend_per_m=0.001)
+    beside = world((begins_m, aside_m, begins_m + 4.0, aside_m))
+    verdict = car.told(car.see(beside), promise_of(car.now_s, bend_per_m=0.001, margin_m=0.3))
+    assert not car.record.reason
+    assert (verdict.forward_mps < SPEED_MPS, verdict.forward_mps == 0.0) == (slows, stops)
 
 
 def way_in(car, ranges_m, promise):
