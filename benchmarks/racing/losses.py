@@ -39,6 +39,7 @@ from wallride.sim.racing.line_file import text_of
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
 from wallride.sim.world.beams import Millimetres
 from wallride.sim.world.place import World
+from wallride.sim.world.pose import Pose
 from wallride.sim.world.segments import SegmentGeometry
 
 COVERS: dict[str, tuple[int | None, float]] = {"covered": (30, 135.0), "silent": (None, 135.0), "half": (100, 70.0)}
@@ -142,8 +143,9 @@ def _outcome(loss: Loss, case: Case, alone: SimulatedRun, fresh: Callable[[], tu
         case = replace(case, world=_moved(case.world, alone.pose[at], float(random.choice([-1.0, 1.0]))))
     else:
         turns = (math.pi / 2, -math.pi / 2, math.pi) if loss.kind == "turned" else (0.0, math.pi)
-        x_m, y_m, yaw_rad = alone.pose[at if loss.kind == "turned" else other]
-        lifting = Lifting(at_s, (float(x_m), float(y_m), float(yaw_rad) + float(random.choice(turns))))
+        x_m, y_m, yaw_rad = (float(part) for part in alone.pose[at if loss.kind == "turned" else other])
+        fit = [turn for turn in turns if not case.world.collides(Pose(x_m, y_m, yaw_rad + turn))]
+        lifting = Lifting(at_s, (x_m, y_m, yaw_rad + float(random.choice(fit or [0.0]))))
         case, meet = replace(case, cover=lifting), lifting.meet
     run, brake_mps = drive(case, *fresh(), meet), math.nan
     if run.contact is not None and loss.kind in COVERS:
