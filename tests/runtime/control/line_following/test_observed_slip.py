@@ -41,6 +41,7 @@ def test_until_bends_have_told_it_the_slip_is_as_assumed():
     assert slip.take(standing, 1e6, TYRES, told) == TYRES.slip_s2pm
     left = [slip.take(bend, PERIOD_S, TYRES, told) for _ in range(200)]
     assert TYRES.slip_s2pm < left[0] < left[40] < left[-1] < told
+    assert left[0] < 1.15 * TYRES.slip_s2pm
     assert left[-1] > 1.3 * TYRES.slip_s2pm
     assert slip.take(standing, 1e6, TYRES, told) == left[-1], "a pause changes nothing"
 
