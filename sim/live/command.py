@@ -242,15 +242,16 @@ def _fleet(
         cars = build_fleet(world, options.cars, conditions, settings, options.seed, put_back=options.put_back)
     except (ValueError, OSError) as error:
         raise SimUsageError(str(error)) from None
-    failed = ""
+    failure: SessionError | None = None
     for car in cars:
         car.scene.turning = lidar_kinds.device_for(options.lidar)
     try:
         asyncio.run(run_fleet(cars, options, config, settings, stop, consoles[0]))
     except* SessionError as group:
-        failed = str(innermost(group))
-        if not all(car.record.end_early(failed) for car in cars):
-            raise innermost(group) from None
+        failure = innermost(group)
+    failed = str(failure or "")
+    if failure is not None and not all(car.record.end_early(failed) for car in cars):
+        raise failure
     if stop.killed:
         raise SessionError("killed; there is no summary")
     return write_fleet(fleet_summary(cars, world.name, failed), options.json, UserCode.of(settings), consoles[1])
@@ -317,6 +318,7 @@ def _run(
     view: "LiveView | None", live: LiveConditions | None = None,
 ) -> Record:  # fmt: skip
     record = session.record
+    failure: SessionError | None = None
     show: Callable[[Record], None] = view.show if view is not None else _teller(console)
     with pressing(live, stop, wanted=view is not None) as obey_keys:
 
@@ -329,11 +331,12 @@ def _run(
                 view.start()
             asyncio.run(session.run(start, duration_s, stop, frame))
         except* SessionError as group:
-            if not record.end_early(str(innermost(group))):
-                raise innermost(group) from None
+            failure = innermost(group)  # raised below: until Python 3.11.4 it becomes a group here
         finally:
             if view is not None:
                 view.stop()
+    if failure is not None and not record.end_early(str(failure)):
+        raise failure
     if stop.killed:
         raise SessionError("killed; there is no summary")
     if not record.failed and record.exit_code != 0:

@@ -88,11 +88,13 @@ async def run_fleet(
 
 async def _drive(car: SimulatedCar, start: RuntimeStart, duration_s: float, stop: StopRequest) -> None:
     """Drive one car; its SessionError names it."""
+    failure: SessionError | None = None
     try:
         await car.session.run(start, duration_s, stop, lambda _record: None)
     except* SessionError as group:
-        error = innermost(group)
-        raise SessionError(f"{car.name}: {error}", error.exit_code) from None
+        failure = innermost(group)
+    if failure is not None:
+        raise SessionError(f"{car.name}: {failure}", failure.exit_code)
 
 
 def fleet_summary(cars: list[SimulatedCar], world: str, failed: str = "") -> dict[str, Any]:
