@@ -25,7 +25,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from benchmarks.racing.maps import MAPS, TRACKS, world_of
+from benchmarks.racing.maps import MAPS, TRACKS
 from wallride.runtime.control.guidance import Follower, Guard
 from wallride.runtime.line_files import LINE_SUFFIX, read_line
 from wallride.sim.car.vehicle import Vehicle
@@ -41,6 +41,7 @@ from wallride.sim.world.beams import Millimetres
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import Pose
 from wallride.sim.world.segments import SegmentGeometry
+from wallride.sim.world.worlds import load_world
 
 COVERS: dict[str, tuple[int | None, float]] = {"covered": (30, 135.0), "silent": (None, 135.0), "half": (100, 70.0)}
 LOSSES = (*COVERS, "turned", "carried", "walls")
@@ -108,7 +109,7 @@ def measure(loss: Loss, data: Path, folder: Path) -> LossOutcome:
     """Drive one race without and one with its loss."""
     course = course_of(loss.course, data)
     cell = RaceCell("races", course, "line+swept", SPEED_MPS, loss.mu, "left", loss.seed)
-    file, world = map_file(course, folder), world_of(loss.course, data)
+    file, world = map_file(course, folder), load_world(course)
     with TemporaryDirectory() as place:
         line_file = Path(place) / f"race{LINE_SUFFIX}"
         line_file.write_text(text_of(planned_line(cell, file), course), encoding="utf-8")
