@@ -29,7 +29,7 @@ from wallride.runtime.control.localization.localizer import PoseEstimate, Wherea
 from wallride.runtime.control.perception.geometry import Floats
 from wallride.runtime.control.perception.motion.trim import SteeringTrim
 from wallride.runtime.control.perception.view import ViewCache
-from wallride.runtime.control.tyres import Moving, Tyres
+from wallride.runtime.control.tyres import Moving, Tyres, eased_mps
 from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
 from wallride.runtime.control.wall_following.ball import MAX_STEP_S, BallFollower
 from wallride.runtime.control.wall_following.prediction import WIRE_S
@@ -118,11 +118,23 @@ class LineFollower:
         if motor is not None and self._held.tells(motor.speed_mps, since_s) and self._joined:
             self._build_up.slower()
             self._promises.held_back()
-        guidance = self._by_line(scan, motor, by_wall, since_s)
+        guidance = self._eased(self._by_line(scan, motor, by_wall, since_s), motor)
         drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
         self._held.asks(drive.speed_mps)
         self._told.tell(drive.steering_rad, since_s)
         return guidance
+
+    def _eased(self, guidance: Guidance, motor: MotorState | None) -> Guidance:
+        """Slow down in a bend by no more than it leaves of the grip, also where the pose was lost in it."""
+        pose, drive = self._pose, guidance.drive
+        if pose is None or motor is None or drive is None or not 0.0 < drive.speed_mps < motor.speed_mps:
+            return guidance
+        tyres, speed_mps = self._tyres(), motor.speed_mps * pose.scale
+        turn_radps = pose.turn_radps
+        if math.isnan(turn_radps):
+            turn_radps = tyres.turn_radps(self._told.rad + self._trim.rad, speed_mps, 0.0)
+        least_mps = eased_mps(speed_mps, speed_mps * turn_radps, tyres.mu * GRAVITY_MPS2) / pose.scale
+        return replace(guidance, drive=Drive(max(drive.speed_mps, least_mps), drive.steering_rad))
 
     def _by_line(self, scan: Scan, motor: MotorState | None, by_wall: Guidance, since_s: float) -> Guidance:
         course, line = self._course, self._line

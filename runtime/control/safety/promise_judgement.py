@@ -5,6 +5,7 @@ A promise that is not believed is judged by the arc of the present steering, as 
 
 import cmath
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +39,7 @@ from wallride.runtime.control.safety.promised_way import (
 )
 from wallride.runtime.control.safety.stopping import stopping_distance_m
 from wallride.runtime.control.safety.swept_path import Strip
+from wallride.runtime.control.tyres import eased_mps
 
 SLID_S = 0.25
 """Time after locked wheels for which the odometry tells nothing of a promise."""
@@ -50,6 +52,8 @@ CORRECTS_MPS = 2.0
 """Speed below which a source corrects itself by more than CORRECTS_RAD, the more, the slower it is."""
 FASTER_MPS = 0.5
 """How much faster than the fastest of the promised speeds a command may be."""
+GRIPS_MORE = 1.1
+"""Least grip of a floor over what a bend takes of it, where that is more than a slippery floor has."""
 EACH = 3
 """Interval of poses from which braking is judged: 0.18 m."""
 MOST_ASIDE = 0.9
@@ -108,6 +112,18 @@ class JudgedWay:
         most_mps = max(settings.creep_mps, float(speeds_mps[tightest]))
         reason = HIDDEN if self.cap_mps[tightest] == 0.0 else "slower: a full brake needs the room"
         return Verdict(most_mps, NO_LIMIT_MPS, reason, float(self.cap_m[tightest]))
+
+
+def eased(verdict: Verdict, speed_mps: float, turn_radps: float, body: Body) -> Verdict:
+    """Return a limit that slows the car down in a bend by no more than it leaves of the grip.
+
+    A motor controller obeys a lower speed at once, and a car that brakes in a bend by more than that spins. Where the
+    way is too short for it, the hard stop comes, which is none of this.
+    """
+    lateral_mps2 = speed_mps * turn_radps
+    grip_mps2 = max(body.slippery_mps2, GRIPS_MORE * abs(lateral_mps2))
+    least_mps = eased_mps(speed_mps, lateral_mps2, grip_mps2)
+    return verdict if verdict.forward_mps <= 0.0 else replace(verdict, forward_mps=max(verdict.forward_mps, least_mps))
 
 
 class _JudgedOnce(NamedTuple):

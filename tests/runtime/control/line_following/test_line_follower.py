@@ -9,6 +9,8 @@ import pytest
 from tests.runtime.control.line_following.lines import round_the_block
 from tests.runtime.control.localization.rooms import report, ring
 from tests.runtime.control.localization.test_localizer import BOXES, CORNER
+from wallride.drivers.api import Drive
+from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.line_following import line_follower
 from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.line_following.lap_correction import LapCorrection
@@ -16,7 +18,7 @@ from wallride.runtime.control.line_following.line_follower import LineFollower
 from wallride.runtime.control.line_following.line_settings import LineFollowSettings
 from wallride.runtime.control.line_following.observed_slip import ObservedSlip
 from wallride.runtime.control.localization.line_field import field_of_cells
-from wallride.runtime.control.localization.localizer import Localizer
+from wallride.runtime.control.localization.localizer import Localizer, PoseEstimate, Whereabouts
 from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.safety.promise_record import KEPT_S, KEPT_WAY_M
 from wallride.runtime.control.tyres import Moving
@@ -107,6 +109,23 @@ def test_in_a_bend_it_asks_for_no_more_than_the_grip_that_is_left_gains(room, tu
     one, line = follower(room[1], first_lap_share=1.0, floor_mu=0.8), round_the_block()
     asked_mps = one._by_grip_mps(Moving(2.0 + 0j, 0.0, 3.0, turn_radps), line.nearest(2.0), one._tyres())
     assert asked_mps == pytest.approx(3.0 + more_mps, abs=0.04)
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize(("bend", "slower_mps"), [(0.0, 3.0), (0.7, 0.40), (1.0, 0.19)])
+def test_in_a_bend_it_slows_down_by_no_more_than_the_grip_that_is_left(room, known, bend, slower_mps):
+    """Also for a pose that is lost in it: the wall's 1 m/s would be obeyed at once, and the car spins."""
+    one = follower(room[1], floor_mu=0.8)
+    one._pose = PoseEstimate(0.0, Whereabouts.LOST)
+    if known:
+        one._pose = replace(one._pose, turn_radps=math.sin(bend) / math.sin(1.0) * 0.8 * GRAVITY_MPS2 / 4.0)
+    one._told.rad = math.atan(0.8 * GRAVITY_MPS2 / 16.0 * one._car.wheelbase_m) * math.sin(bend) / math.sin(1.0)
+    asked = Guidance(Drive(1.0, 0.2), math.nan, 0.0, 0.0, "along the wall")
+    eased = one._eased(asked, report(0.0, speed_mps=4.0)).drive
+    assert (eased.speed_mps, eased.steering_rad) == (pytest.approx(4.0 - slower_mps, abs=0.08), 0.2)
+    stopped = replace(asked, drive=Drive(0.0, 0.2))
+    assert one._eased(stopped, report(0.0, speed_mps=4.0)) is stopped
+    assert one._eased(asked, report(0.0, speed_mps=0.9)) is asked
 
 
 def test_a_turn_that_only_begins_does_not_point_the_promise_outward(room):

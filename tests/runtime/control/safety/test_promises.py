@@ -205,6 +205,28 @@ def test_a_car_brakes_at_full_for_half_of_a_margin_and_slows_down_for_all_of_it(
     assert (verdict.forward_mps < SPEED_MPS, verdict.forward_mps == 0.0) == (slows, stops)
 
 
+@pytest.mark.parametrize(("turn_radps", "slower_mps"), [
+    (0.0, 2.7), (0.9, 2.7), (1.1, 0.29), (-1.1, 0.29), (1.6, 0.18), (2.4, 0.26), (math.nan, 2.7)
+])  # fmt: skip
+def test_in_a_bend_a_limit_slows_down_by_what_the_bend_leaves_of_the_grip(turn_radps, slower_mps):
+    """A motor obeys 0.3 m/s at once: on a floor of 0.5 the car that turns at 1.1 rad/s then spins. A stop stays one."""
+    creeping, stop, body = Verdict(0.3, 9.0, "creeping"), Verdict(0.0, 9.0, "braking"), Promising(1).guard.body
+    found = promise_judgement.eased(creeping, 3.0, turn_radps, body)
+    assert found.forward_mps == pytest.approx(3.0 - slower_mps, abs=0.01)
+    assert found == Verdict(found.forward_mps, 9.0, "creeping")
+    assert promise_judgement.eased(stop, 3.0, turn_radps, body) is stop
+    faster = Verdict(5.0, 9.0, "slower")
+    assert promise_judgement.eased(faster, 3.0, turn_radps, body) == faster
+
+
+def test_only_the_limit_of_a_believed_promise_is_eased():
+    car, beside = Promising(), world((0.6, 0.5, 6.0, 0.5))
+    promised, plain = judged(car, beside, lambda stamp_s: promise_of(stamp_s, margin_m=0.45))
+    assert (promised.reason, car.record.reason) == ("slower: wall beside", "")
+    assert 2.8 < promised.forward_mps < SPEED_MPS
+    assert plain.forward_mps < 2.5
+
+
 def way_in(car, ranges_m, promise):
     """Return a scan's assessment and the believed way of a promise."""
     assessment = car.see(ranges_m)
