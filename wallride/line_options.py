@@ -7,7 +7,17 @@ from pathlib import Path
 
 from wallride import replay_options
 from wallride.failure import fail, needs
-from wallride.parser import Commands, add_config, add_json, add_set, default_config, number, writable_files
+from wallride.parser import (
+    Commands,
+    add_config,
+    add_json,
+    add_set,
+    default_config,
+    number,
+    writable_files,
+    writable_map,
+    writable_poses,
+)
 
 
 def add(commands: Commands) -> None:
@@ -51,7 +61,7 @@ def _add_map(commands: Commands) -> None:
     )
     replay_options.add_recording(map_)
     map_.add_argument(
-        "-o", dest="output", type=writable_files, metavar="MAP.yaml",
+        "-o", dest="output", type=writable_map, metavar="MAP.yaml",
         help="map to write; image, path, walls and picture go beside it (default: the recording's name, here)",
     )  # fmt: skip
     map_.add_argument(
@@ -72,7 +82,7 @@ def _add_pose(commands: Commands) -> None:
     replay_options.add_recording(pose)
     pose.add_argument("map", type=Path, metavar="MAP.yaml", help="a map of `wallride map`, or any other ROS map")
     pose.add_argument(
-        "-o", dest="output", type=writable_files, metavar="POSES.csv",
+        "-o", dest="output", type=writable_poses, metavar="POSES.csv",
         help="file to write; the picture goes beside it (default: the recording's name with .pose.csv, here)",
     )  # fmt: skip
     pose.add_argument(
@@ -90,7 +100,7 @@ def _add_limits(line: argparse.ArgumentParser) -> None:
         "--mu", type=number(0.01, 5.0), default=0.8, metavar="MU", help="friction of the floor (default: 0.8)"
     )
     line.add_argument(
-        "--speed", dest="speed_mps", type=number(0.1, 50.0), default=6.0, metavar="MPS",
+        "--speed", dest="speed_mps", type=number(0.3, 50.0), default=6.0, metavar="MPS",
         help="highest speed (default: 6)",
     )  # fmt: skip
     add_reserve(line)
@@ -138,7 +148,10 @@ def _share(text: str) -> float:
 
 
 def _circle(text: str) -> tuple[float, float, float]:
-    numbers = tuple(float(part) for part in text.split(","))
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
     if len(numbers) != 3 or not all(map(math.isfinite, numbers)) or numbers[2] < 0.0:
         raise argparse.ArgumentTypeError("write three numbers, X,Y,RADIUS")
     return numbers

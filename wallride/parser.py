@@ -180,17 +180,28 @@ def add_jobs(command: argparse.ArgumentParser) -> None:
     command.add_argument("--jobs", type=at_least(1), metavar="N", help="processes (default: one per core)")
 
 
+KEPT: Final = (".mcap", ".bag", ".db3", ".npz", ".yaml", ".yml", ".pgm", ".walls.csv", ".path.csv")
+"""Endings of recordings and maps, which another file is not put in place of: a recording cannot be made again."""
+PICTURE: Final = ".png"
+
+
 def add_json(command: argparse.ArgumentParser, what: str) -> None:
     """Add --json FILE|-."""
     command.add_argument("--json", type=writable, metavar="FILE|-", help=f"write {what} as JSON")
 
 
-def writable(text: str) -> str:
+def writable(text: str, kept: tuple[str, ...] = KEPT) -> str:
     """Return the name of a file to write, "-" as it is; checked before minutes of work, not after them."""
     path = Path(text)
     if text == "-":
         return text
-    if path.is_dir():
+    if text.lower().endswith(kept):
+        raise argparse.ArgumentTypeError(f"{text} is the name of a recording or of a map's part; name another file")
+    try:
+        is_folder = path.is_dir()
+    except OSError as error:
+        raise argparse.ArgumentTypeError(f"{text[:40]}...: {error.strerror}; name another file") from None
+    if is_folder:
         raise argparse.ArgumentTypeError(f"{text} is a directory; name a file in it")
     if not path.absolute().parent.is_dir():
         raise argparse.ArgumentTypeError(f"{text}: there is no directory {path.parent}; make it first")
@@ -199,17 +210,35 @@ def writable(text: str) -> str:
     return text
 
 
-def writable_path(text: str) -> Path:
-    """Return the same as a path."""
-    return Path(writable(text))
+def writable_path(text: str, kept: tuple[str, ...] = KEPT) -> Path:
+    """Return the same as a path; "-" is none."""
+    if text == "-":
+        raise argparse.ArgumentTypeError("- is no file; name one")
+    return Path(writable(text, kept))
 
 
-def writable_files(text: str) -> Path:
-    """Return the path of a file to write, with others beside it: no device, whose folder has no place for them."""
-    path = writable_path(text)
+def writable_map(text: str) -> Path:
+    """Return the path of a map to write, with others beside it: no device, whose folder has no place for them."""
+    path = writable_path(text, ())
     if path.exists() and not path.is_file():
         raise argparse.ArgumentTypeError(f"{text} is a device, and other files go beside it; name another place")
     return path
+
+
+def writable_files(text: str) -> Path:
+    """Return the path of a file to write with a picture beside it, which is not that of a map."""
+    path = writable_map(text)
+    writable(text)
+    if path.with_suffix(PICTURE).exists() and path.with_suffix(".yaml").exists():
+        picture = path.with_suffix(PICTURE)
+        raise argparse.ArgumentTypeError(f"{text} comes with {picture}, which is a map's picture; name another file")
+    return path
+
+
+def writable_poses(text: str) -> Path:
+    """Return the same for poses, which are no race line either."""
+    writable(text, (*KEPT, ".line.csv"))
+    return writable_files(text)
 
 
 def default_config() -> Path | None:
