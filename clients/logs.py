@@ -242,11 +242,13 @@ def _recover(files: Sequence[Path], options: argparse.Namespace) -> int:
             options.print_line(str(error))
             failed = 1
             continue
+        damaged = f"; {found.damaged} damaged pieces cannot be read" if found.damaged else ""
         if found.was_whole:
-            options.print_line(f"{path}: is whole; {found.messages} messages")
+            options.print_line(f"{path}: is whole; {found.messages} messages{damaged}")
         else:
             options.print_line(
-                f"{path}: finished; {found.messages} messages kept, a torn end of {found.cut_bytes} bytes cut off"
+                f"{path}: finished; {found.messages} messages kept, a torn end of {found.cut_bytes} bytes cut"
+                f" off{damaged}"
             )
     return failed
 

@@ -36,12 +36,16 @@ class RecoveryError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Recovered:
-    """Result of a recovery. was_whole: nothing was done. cut_bytes: length of the torn end."""
+    """Result of a recovery.
+
+    was_whole: nothing was done. cut_bytes: length of the torn end. damaged: chunks in between that cannot be read.
+    """
 
     messages: int
     chunks: int
     cut_bytes: int
     was_whole: bool
+    damaged: int = 0
 
 
 def is_whole(path: Path) -> bool:
@@ -72,7 +76,7 @@ def recover(path: Path, breathe: Callable[[], None] = lambda: None) -> Recovered
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             found = _Walk(file, path, breathe)
             if found.whole:
-                return Recovered(found.statistics.message_count, len(found.chunks), 0, was_whole=True)
+                return found.result(0)
             cut_bytes = found.length - found.end
             if cut_bytes > MAX_TORN_B:
                 raise RecoveryError(
@@ -84,7 +88,7 @@ def recover(path: Path, breathe: Callable[[], None] = lambda: None) -> Recovered
             file.write(found.ending())
             file.flush()
             os.fsync(file.fileno())
-            return Recovered(found.statistics.message_count, len(found.chunks), cut_bytes, was_whole=False)
+            return found.result(cut_bytes)
     except BlockingIOError:
         raise RecoveryError(f"{path}: is being written just now; it will be finished when the recording ends") from None
     except OSError as error:
@@ -107,7 +111,8 @@ class _Chunk:
 class _Walk:
     """One pass over a file from its start to its first torn record.
 
-    end: start of the torn part. whole: there is none, and the file has its footer.
+    end: start of the torn part. whole: there is none, and the file has its footer. damaged: chunks before it that
+    cannot be read.
     """
 
     def __init__(self, file: IO[bytes], path: Path, breathe: Callable[[], None]) -> None:
@@ -120,6 +125,7 @@ class _Walk:
             raise RecoveryError(f"{path}: is not an MCAP file, or was cut before its first byte reached the disk")
         self.end = len(MAGIC)
         self.whole = False
+        self.damaged, torn = 0, 0
         self.chunks: list[_Chunk] = []
         self._current: _Chunk | None = None  # the one whose message indexes are being read
         self.schemas: dict[int, Any] = {}
@@ -134,9 +140,17 @@ class _Walk:
             # A damaged chunk is left out of the index; without a whole one behind it, it is cut off.
             if self._take(opcode, start, content):
                 self.end = start + HEAD_B + len(content)
+                self.damaged = torn
+            elif opcode == CHUNK:
+                torn += 1
+        self.damaged = torn if self.whole else self.damaged
         last = self.chunks[-1].index if self.chunks else None
         if not self.whole and last is not None and not self.chunks[-1].is_indexed:
             self.end = last.chunk_start_offset + last.chunk_length
+
+    def result(self, cut_bytes: int) -> Recovered:
+        """Return what became of the file."""
+        return Recovered(self.statistics.message_count, len(self.chunks), cut_bytes, self.whole, self.damaged)
 
     def ending(self) -> bytes:
         """Return the content to write at `end`: the last chunk's message indexes, summary, footer and magic."""

@@ -134,11 +134,12 @@ class _Reading:
         self._channels: dict[int, tuple[str, str]] = {}
         self._damaged: Counter[str] = Counter()
         self._unpacking = Unpacking(0)
+        self._file: Any = None
 
     def read(self, file: Any, size_bytes: int, until: str | None) -> None:  # noqa: ANN401 - mcap takes any binary file
         from mcap.stream_reader import StreamReader
 
-        self._unpacking = Unpacking(size_bytes)
+        self._unpacking, self._file = Unpacking(size_bytes), file
         reader = StreamReader(file, emit_chunks=True, record_size_limit=MAX_RECORD_B)
         try:
             for record in reader.records:
@@ -164,8 +165,10 @@ class _Reading:
             case records.Schema():
                 self._schemas[record.id] = record.name
             case records.Channel():
-                schema = self._schemas.get(record.schema_id, "") if record.message_encoding == "cdr" else ""
-                self._channels[record.id] = (record.topic.strip("/"), schema)
+                is_cdr = record.message_encoding == "cdr"
+                schema = self._schemas.get(record.schema_id, "") if is_cdr else ""
+                if schema or not is_cdr:  # the schema of another may have been in a damaged chunk
+                    self._channels[record.id] = (record.topic.strip("/"), schema)
             case records.Message():
                 topic, schema = self._channels.get(record.channel_id, ("", ""))
                 if topic:
@@ -192,6 +195,22 @@ class _Reading:
             raise
         except Exception as error:  # noqa: BLE001 - a parser that meets damage raises anything; counted and told
             self._damaged[str(error) or type(error).__name__] += 1
+            if self._damaged.total() == 1:
+                self._take_summary()
+
+    def _take_summary(self) -> None:
+        """Take from the end of a whole file the schemas and channels that a damaged chunk may have told."""
+        from mcap.reader import SeekingReader
+
+        at = self._file.tell()
+        self._file.seek(0)
+        try:
+            summary = SeekingReader(self._file, record_size_limit=MAX_RECORD_B).get_summary()
+        except Exception:  # noqa: BLE001 - a parser that meets damage raises anything; this one is counted already
+            summary = None
+        self._file.seek(at)
+        for record in (*summary.schemas.values(), *summary.channels.values()) if summary is not None else ():
+            self._take(record)
 
 
 def decode(message: LoggedMessage) -> Any:  # noqa: ANN401 - built at run time by the type store

@@ -93,7 +93,7 @@ def events_of(log: DriveLog) -> list[Event]:
     if not events:
         raise RecordingError(
             f"{log.name} has no decision log (topic {TAPE}), only what was shown:"
-            " it can be published and reported, not replayed."
+            f" it can be published and reported, not replayed. {' '.join(log.notes)}".rstrip()
         )
     if unreadable:
         log.notes.append(f"{unreadable} pieces of the decision log cannot be read ({reason}).")

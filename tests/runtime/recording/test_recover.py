@@ -130,6 +130,7 @@ def test_a_damaged_chunk_in_the_middle_costs_only_itself(recording, tmp_path):
     spoilt[300_000] ^= 0xFF
     path.write_bytes(spoilt)
     found = recover(path)
+    assert (recover(path).damaged, recover(path).was_whole) == (found.damaged, True) == (1, True)
     reader = make_reader(BytesIO(path.read_bytes()), validate_crcs=True)
     read = sum(1 for _ in reader.iter_messages())
     assert read == found.messages

@@ -50,6 +50,20 @@ def test_one_broken_byte_costs_one_chunk_and_is_said(dead_end, tmp_path):
     assert "1 damaged pieces are left out" in log.notes[0]
 
 
+def test_the_first_chunk_s_types_are_known_from_the_end_of_a_whole_file(dead_end, tmp_path):
+    """One flipped bit in it, which declares the topics, else cost the whole recording."""
+    content = bytearray(dead_end.read_bytes())
+    content[content.index(b"ros2msg")] ^= 0x01
+    broken, cut = tmp_path / "broken.mcap", tmp_path / "cut.mcap"
+    broken.write_bytes(content)
+    cut.write_bytes(content[:-200])
+    whole, log = read_log(dead_end), read_log(broken)
+    assert set(log.messages) <= set(whole.messages)
+    assert len(log.messages) > 0.9 * len(whole.messages)
+    assert "1 damaged pieces are left out" in log.notes[0]
+    assert {message.schema for message in read_log(cut).messages} <= {message.schema for message in whole.messages}
+
+
 def test_a_file_with_nothing_whole_is_refused(dead_end, tmp_path):
     stub = tmp_path / "stub.mcap"
     stub.write_bytes(dead_end.read_bytes()[:600])
