@@ -166,7 +166,7 @@ def _row(path: Path, number: int, text: str) -> tuple[float, ...]:
 
 def why_no_line(follow: WallFollowSettings, map_: PoseMapSettings) -> str:
     """Return why a car that is to follow a map's line has none, "" where it has one, or follows a wall."""
-    if follow.method != "line" or map_.line:
+    if follow.method != "line" or (map_.line and map_.file):
         return ""
     if not map_.file:
         return 'wall_follow.method = "line" follows the race line of a map, and map.file names none'

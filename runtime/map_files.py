@@ -30,6 +30,8 @@ CELL_M: Final = (0.001, 10.0)
 FIELD_CELL_M: Final = (0.02, 0.11)
 """Smallest and largest cell of a map on which a pose is found."""
 WALLS_SUFFIX: Final = ".walls.csv"
+ABOUT: Final = "map by wallride of "
+"""What a map of `wallride map` says of itself in its first line."""
 """Ending of the file with the walls, in place of .yaml."""
 WALLS_APART_M, WALLS_AGREE = 0.15, 0.75
 """Largest distance between walls and the image's cells, and the least share of each that lies so near the other."""
@@ -107,9 +109,18 @@ def read_settings(path: Path) -> MapSettings:
 def fingerprint(path: Path) -> str:
     """Return what tells the cells of a map from those of another. Raises: OSError, ValueError, YamlFileError."""
     settings = read_settings(path)
+    check_image(settings)
     digest = hashlib.sha256(repr(replace(settings, image=None)).encode())  # type: ignore[arg-type]
     digest.update(settings.image.read_bytes())
     return digest.hexdigest()[:FINGERPRINT_DIGITS]
+
+
+def check_image(settings: MapSettings) -> None:
+    """Raise FileNotFoundError with what to do where a map's image is missing."""
+    if not settings.image.is_file():
+        raise FileNotFoundError(
+            f"the map's image {settings.image} is missing: copy it too (`image` in the .yaml file names it)"
+        )
 
 
 def read_pgm(settings: MapSettings) -> Floats:
@@ -117,6 +128,7 @@ def read_pgm(settings: MapSettings) -> Floats:
 
     Raises: MapError, OSError.
     """
+    check_image(settings)
     with settings.image.open("rb") as file:
         content = file.read(MAX_BYTES + 1)
     header = re.match(
@@ -154,6 +166,7 @@ def read_map(path: Path, occupancy: Callable[[MapSettings], Floats] = read_pgm) 
         cells, grid = cells_of(settings, occupied), grid_of(settings, occupied)
         beside = path.with_name(path.stem + WALLS_SUFFIX)
         if not beside.is_file():
+            _check_foreign(path, beside)
             return CarMap(path.stem, field_of_cells(cells), grid=grid)
         points, scale = read_walls(beside)
         _check_walls(beside, points, cells)
@@ -166,6 +179,11 @@ def read_map(path: Path, occupancy: Callable[[MapSettings], Floats] = read_pgm) 
     except ValueError as error:
         text = str(error)
         raise MapError(text if str(path.parent) in text else f"{path}: {text}") from error
+
+
+def _check_foreign(path: Path, beside: Path) -> None:
+    if path.read_text(encoding="utf-8").startswith(f"# {ABOUT}"):
+        raise MapError(f"{beside} is missing, which belongs to this map of `wallride map`: copy it too")
 
 
 def cells_of(settings: MapSettings, occupancy: Floats) -> MapCells:

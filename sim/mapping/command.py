@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Final
 
 from wallride.runtime.host.output_files import write_answer, write_files
-from wallride.runtime.map_files import walls_text
+from wallride.runtime.map_files import ABOUT, walls_text
 from wallride.sim.mapping.closing import ClosedLap, close_lap
 from wallride.sim.mapping.lap_record import LapRecord, read_record, wheel_words
-from wallride.sim.mapping.map_output import ABOUT, map_files, path_of, save_picture
+from wallride.sim.mapping.map_output import map_files, path_of, save_picture
 from wallride.sim.mapping.raster import rasterized
 from wallride.sim.mapping.verdict import MapVerdict, judge_map
 from wallride.sim.mapping.walls import walls_of

@@ -11,10 +11,9 @@ import numpy as np
 
 from wallride.runtime.control.localization.localizer import Whereabouts
 from wallride.runtime.host.output_files import Content, write_answer, write_files
-from wallride.runtime.map_files import WALLS_SUFFIX, CarMap, MapError, read_map
+from wallride.runtime.map_files import ABOUT, WALLS_SUFFIX, CarMap, MapError, read_map
 from wallride.sim.figures.tum import SUFFIX, tum_text
 from wallride.sim.mapping.lap_record import LapRecord, own_log, read_record, record_of_log, wheel_words
-from wallride.sim.mapping.map_output import ABOUT
 from wallride.sim.mapping.own_poses import line_of, own_poses
 from wallride.sim.mapping.poses import PoseTrack, track, track_of
 from wallride.sim.racing.line_file import empty_picture

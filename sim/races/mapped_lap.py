@@ -14,13 +14,13 @@ from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.guidance import Follower, Guidance
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.host.output_files import write_files
-from wallride.runtime.map_files import walls_text
+from wallride.runtime.map_files import ABOUT, walls_text
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab.cell import course_name
 from wallride.sim.lab.laws import build
 from wallride.sim.mapping.closing import ClosedLap, close_lap
 from wallride.sim.mapping.lap_record import LapRecord, record_of_scans
-from wallride.sim.mapping.map_output import ABOUT, map_files, path_of
+from wallride.sim.mapping.map_output import map_files, path_of
 from wallride.sim.mapping.odometry_path import of_the_axle
 from wallride.sim.mapping.raster import rasterized
 from wallride.sim.mapping.verdict import judge_map

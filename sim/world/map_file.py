@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wallride.runtime.map_files import SURELY_FREE_BELOW, MapSettings, read_settings
+from wallride.runtime.map_files import SURELY_FREE_BELOW, MapSettings, check_image, read_settings
 from wallride.sim.world.grid import GridGeometry
 from wallride.sim.world.map_start import choose_start
 from wallride.sim.world.place import World
@@ -52,8 +52,7 @@ def read_occupancy(settings: MapSettings) -> Floats:
     """Return the occupancy of each cell, 0 free to 1 occupied, shape (rows, columns), row 0 lowest in y."""
     from PIL import Image, UnidentifiedImageError
 
-    if not settings.image.is_file():
-        raise FileNotFoundError(f"the map's image {settings.image} is missing; `image` in the .yaml file names it")
+    check_image(settings)
     try:
         with Image.open(settings.image) as picture:
             _check_size(*picture.size)
