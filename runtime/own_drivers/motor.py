@@ -22,6 +22,11 @@ from wallride.runtime.own_drivers.settings import OwnMotorSettings
 REVERSING_ABOVE_MPS: Final = 0.3
 """Maximum speed for a reversal; a faster car is braked before it drives the other way."""
 MAX_SPEED_MPS: Final = 30.0
+GAINS_MPS: Final = 0.15
+"""Speed that wheels gain against the command where a driver has a wrong sign; a reversal only slows them down."""
+OTHER_WAY: Final = "the wheels turn the other way than told: the sign of the driver's speed?"
+UNTAKEN_S: Final = 1.0
+"""Time for which a driver that says READY may answer commands with False."""
 _NAMES: Final = tuple(field.name for field in fields(MotorState))
 _VALUES: Final = attrgetter(*_NAMES)
 _TYPES: Final = {"fault": str, "timed_out": bool, "killed": bool}
@@ -40,6 +45,7 @@ class OwnMotor:
         self._given: tuple[object, ...] = ()  # what the driver's report held when it was taken
         self._begun_s = clock()
         self._latched, self._contradicts = "", False
+        self._against_mps, self._taken_s = math.inf, clock()
         self._bad_commands = self._faults = 0
         self.braked_instead = False
         self.tap: Tap | None = None
@@ -89,6 +95,7 @@ class OwnMotor:
         if not run.works():
             return False
         asked = self._allowed(drive, state)
+        self._look_at_sign(asked, state)
         written: Any = run.call(lambda: run.made.send(asked))
         if not run.works():  # a brake was written with the fault
             return False
@@ -97,6 +104,10 @@ class OwnMotor:
             run.refuse(
                 f"answered a command with a {type(written).__name__} where True or False is needed", run.driver.place
             )
+        elif written or run.health().link is not LinkState.READY:
+            self._taken_s = self._clock()
+        elif self._clock() - self._taken_s > UNTAKEN_S:
+            run.refuse("answers commands with False although it says READY", run.driver.place)
         return bool(written is True)
 
     def brake_now(self) -> None:
@@ -126,7 +137,8 @@ class OwnMotor:
             self._run.call(clear)
 
     def _begin(self, made: Any) -> Any:  # noqa: ANN401 - the user's
-        self._reported, self._given, self._begun_s = None, (), self._clock()
+        self._reported, self._given = None, ()
+        self._begun_s = self._taken_s = self._clock()
         return made.run()
 
     def _allowed(self, drive: Drive, state: MotorState | None) -> Drive:
@@ -144,6 +156,16 @@ class OwnMotor:
         if is_stop or self.braked_instead:
             return Drive(0.0, steering_rad, drive.brake_mps2)
         return drive
+
+    def _look_at_sign(self, asked: Drive, state: MotorState | None) -> None:
+        """Latch a fault where the wheels gain speed the other way than they were told."""
+        speed_mps = state.speed_mps if state is not None else 0.0
+        if asked.speed_mps * speed_mps >= 0.0:
+            self._against_mps = math.inf
+            return
+        self._against_mps = min(self._against_mps, abs(speed_mps))
+        if abs(speed_mps) > self._against_mps + GAINS_MPS:
+            self.latch_fault(OTHER_WAY)
 
     def _take(self, given: object) -> None:
         """Take a new report; a wrong one is a fault of the driver, and its own `fault` one of the device.

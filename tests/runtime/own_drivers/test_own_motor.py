@@ -7,7 +7,7 @@ import pytest
 
 from tests.own_drivers import driver_file
 from wallride.drivers.api import NOT_OPENED, Drive, LinkState
-from wallride.runtime.own_drivers.motor import OwnMotor
+from wallride.runtime.own_drivers.motor import OTHER_WAY, OwnMotor
 from wallride.runtime.own_drivers.settings import OwnMotorSettings
 from wallride.sim.virtual.virtual_time import run_virtual
 
@@ -122,6 +122,39 @@ def test_a_latched_fault_brakes_until_it_is_cleared(driver_file, whose):
         assert sent[-1] == GO
 
     story(driver_file, body)
+
+
+@pytest.mark.parametrize(("speeds_mps", "latched"), [
+    ((0.0, -0.05, -0.15, -0.25), True),
+    ((0.0, 0.1, 0.2, 0.3), False),
+    ((-0.28, -0.2, -0.25, -0.1, -0.2), False),
+])  # fmt: skip
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_wheels_that_gain_speed_the_other_way_than_told_are_a_fault(driver_file, way, speeds_mps, latched):
+    async def body(running):
+        motor = running.motor
+        for speed_mps in speeds_mps:
+            running.made.speed_mps = way * speed_mps
+            await asyncio.sleep(0.05)
+            motor.send(Drive(way, 0.1))
+        assert (motor.health.trouble == OTHER_WAY) is latched
+        motor.send(Drive(way, 0.1))
+        assert (running.made.sent[-1].speed_mps == 0.0) is latched
+
+    story(driver_file, body)
+
+
+@pytest.mark.parametrize(("link", "refused"), [("LinkState.READY", True), ("LinkState.CONNECTING", False)])
+def test_a_driver_that_takes_no_command_although_it_is_ready_is_refused(driver_file, link, refused):
+    async def body(running):
+        running.made.health.link = LinkState.READY
+        for _ in range(60):
+            assert not running.motor.send(GO)
+            await asyncio.sleep(0.02)
+        health = running.motor.health
+        assert ("answers commands with False although it says READY" in health.message) is refused
+
+    story(driver_file, body, when_sent=f"self.health.link = {link}; return False")
 
 
 MISTAKES = {
