@@ -49,6 +49,8 @@ SUM_UP_S = 10.0
 """Period after which samples are summed up: the car has been asked by then for settings that were changed."""
 START_TIMEOUT_S = 120.0
 """Timeout of the start: the first one compiles the hot path, which takes a busy computer a minute."""
+ASKED_WITHIN_S = 20.0
+"""Time within which a runtime that has started asks the lidar for scans; a driver of the user's may never do so."""
 HEARD_WITHIN_S = 3.0
 """Timeout for the first message; a short drive is over before it arrives."""
 STAMP_MS = 1 << 24
@@ -270,12 +272,14 @@ class SimulatorSession:
         stop: StopRequest,
     ) -> None:  # fmt: skip
         """Wait until the runtime requests scans and has reported its address."""
-        record, begin_s, shown_s = self.record, time.monotonic(), 0.0
+        record, begin_s, shown_s, known_s = self.record, time.monotonic(), 0.0, 0.0
         while not scip.streaming or record.address is None:
             if stop.asked:
-                raise SessionError("stopped before the car had started; there is no summary")
+                raise SessionError(f"stopped before the car had started; there is no summary{_told_by(runtime)}")
             record.starting_s = time.monotonic() - begin_s
-            if runtime.exit_code is not None or record.starting_s > START_TIMEOUT_S:
+            known_s = known_s if record.address is not None else record.starting_s
+            unasked = record.starting_s - known_s > ASKED_WITHIN_S
+            if runtime.exit_code is not None or unasked or record.starting_s > START_TIMEOUT_S:
                 await runtime.stop()
                 raise SessionError(_output_of(runtime), runtime.exit_code)
             if record.starting_s - shown_s > SHOW_S:
@@ -375,9 +379,16 @@ def last_words(scene: LidarScene, duration_s: float, *, asked: bool) -> str:
     return f"The drive ended: {scene.ending if scene.finished else by_time}. Start another: make sim."
 
 
+def _told_by(runtime: RuntimeProcess) -> str:
+    """Return the last fault of a device in the runtime's log, "" where there is none."""
+    return next((f"; {line}" for line in reversed(runtime.log) if "faulty" in line), "")
+
+
 def _output_of(runtime: RuntimeProcess) -> str:
     """Return the reason of a failed start: the runtime's own sentence if it ended with one, else all of its output."""
     if runtime.exit_code == USAGE_ERROR and runtime.log:
         return runtime.log[-1].removeprefix("wallride: ")
+    if fault := _told_by(runtime):
+        return f"the lidar sends nothing{fault}"
     said = "\n".join(runtime.log) or "nothing"
     return f"the runtime did not start (exit code {runtime.exit_code}); it said:\n{said}"

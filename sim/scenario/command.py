@@ -22,7 +22,7 @@ MARKS: Mapping[bool | None, str] = {True: "[green]pass[/green]", False: "[red]FA
 
 
 def run(options: argparse.Namespace) -> int:
-    """Drive all files; 0 when every expectation holds, 1 when one fails, 2 for a mistake, 130 after Ctrl-C."""
+    """Drive all files; 0 when all holds, 1 when an expectation or own law fails, 2 for a mistake, 130 after Ctrl-C."""
     console = Console(stderr=options.json == "-", highlight=False, soft_wrap=True)
     try:
         results = [_driven(file, options.assignments, console) for file in options.files]
@@ -54,9 +54,12 @@ def _driven(file: Path, assignments: Sequence[str], console: Console) -> dict[st
         f"{escape(str(file))}: {driven.time_s[-1]:.1f} s in {scenario.content.world}, driven in {took_s:.1f} s"
     )
     tell(file, judged, console)
+    if driven.law_fault:
+        console.print(f"  {MARKS[False]} {escape(f'{file.name}: {driven.law_fault}')}")
     return {
         "file": str(file),
-        "passed": all(one.holds is not False for one in judged),
+        "passed": all(one.holds is not False for one in judged) and not driven.law_fault,
+        "law_fault": driven.law_fault,
         "mistakes": mistakes_after(scenario, driven),
         "expectations": [{"line": one.line, "holds": one.holds, "words": one.words} for one in judged],
     }
@@ -67,4 +70,4 @@ def tell(file: Path, judged: Sequence[JudgedExpectation], console: Console) -> N
     for one in judged:
         console.print(f"  {MARKS[one.holds]} {escape(f'{file.name}:{one.line}: {one.words}')}")
     if not judged:
-        console.print("  no [[expect]] in it".replace("[[", "\\[["))
+        console.print(escape("  no [[expect]] in it"))

@@ -27,7 +27,7 @@ class DrivenScenario:
     contact_mps: speed at the first contact, None without. reasons: of the decisions; empty where they are not known.
     laps_s: duration of each lap. nearest_m: least distance of each obstacle that appeared. In virtual time also
     navigation: every distinct reason of a driver's command, in order; window: the last sentences about the lidar's
-    window; way_m: driven so far; wire: (time, drive) of every command that the motor took.
+    window; way_m: driven so far; wire: (time, drive) of every command that the motor took; law_fault: of the user's.
     """
 
     time_s: list[float] = field(default_factory=list)
@@ -43,6 +43,7 @@ class DrivenScenario:
     window: tuple[str, ...] = ()
     way_m: float = 0.0
     wire: list[tuple[float, Drive]] = field(default_factory=list)
+    law_fault: str = ""
 
     def note(self, sample: Sample, scene: ObstacleWorld) -> None:
         """Note a sample, and how near the obstacles are."""

@@ -112,6 +112,7 @@ class Stage:
         driven, output = self.driven, self.car.mux.output
         driven.reasons.append(output.decision.reason if output is not None else "")
         driven.window = tuple(self.car.laws.words)
+        driven.law_fault = driven.law_fault or self.car.laws.own_law_fault
         driven.way_m = self.twin.way_m
         for command in self.car.queue.live():
             if isinstance(command, DriveCommand) and command.reason not in driven.navigation[-1:]:

@@ -6,6 +6,7 @@ import sys
 from argparse import Namespace
 from types import ModuleType, SimpleNamespace
 from typing import Any
+from unittest.mock import AsyncMock
 
 import pytest
 
@@ -72,9 +73,23 @@ async def test_a_stop_while_the_car_starts_waits_for_nothing(tmp_path):
     session: Any = SimpleNamespace(record=Record())
     stop.ask()
     emulator: Any = SimpleNamespace(streaming=False)
-    process: Any = SimpleNamespace(exit_code=None)
-    with pytest.raises(SessionError, match="before the car had started"):
+    process: Any = SimpleNamespace(exit_code=None, log=["starts", "lidar faulty: bugs:Ends ended its run"])
+    with pytest.raises(SessionError, match=r"before the car had started; .*; lidar faulty: bugs:Ends ended its run"):
         await SimulatorSession._until_up(session, emulator, process, tmp_path / "address", lambda _record: None, stop)
+
+
+async def test_a_lidar_that_is_never_asked_for_scans_ends_the_drive_with_the_reason(tmp_path, monkeypatch):
+    """A driver of the user's that ends, or only sleeps, is not waited for as long as the first start."""
+    monkeypatch.setattr("wallride.sim.live.session.ASKED_WITHIN_S", 0.0)
+    monkeypatch.setattr("wallride.sim.live.session.read_address", lambda _file: "known")
+    session: Any = SimpleNamespace(record=Record())
+    emulator: Any = SimpleNamespace(streaming=False)
+    process: Any = SimpleNamespace(exit_code=None, log=["lidar faulty: bugs:Ends ended its run"], stop=AsyncMock())
+    with pytest.raises(SessionError, match=r"^the lidar sends nothing; lidar faulty: bugs:Ends ended its run$"):
+        await SimulatorSession._until_up(
+            session, emulator, process, tmp_path / "address", lambda _record: None, StopRequest()
+        )
+    process.stop.assert_awaited_once()
 
 
 def test_a_simulator_that_is_still_imported_ends_at_once(monkeypatch):

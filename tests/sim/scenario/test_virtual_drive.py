@@ -74,6 +74,26 @@ def test_what_does_not_hold_is_told_with_its_line_and_exit_code_1(file_of, capsy
     assert "pass some.toml:7: contact = false: touched nothing" in said
 
 
+def test_a_law_that_fails_is_told_with_exit_code_1_whatever_holds(file_of, capsys):
+    """Nothing is touched by a car that stands because its law has failed."""
+    file = file_of(HEAD + "wall_follow.method = 'failing:Follower'\n[[expect]]\ncontact = false\n")
+    (file.parent / "failing.py").write_text(
+        "from wallride.laws import Guidance\n\n\nclass Follower:\n    def __init__(self, settings, car):\n"
+        "        self.left = 9\n\n    def follow(self, scan, state):\n"
+        "        self.left -= 1\n        return Guidance(1.0 / max(self.left, 0), 0.0)\n"
+    )
+    assert run(options(file)) == 1
+    said = capsys.readouterr().out
+    assert "pass some.toml:6: contact = false: touched nothing" in said
+    assert "FAIL some.toml: failing:Follower raised ZeroDivisionError: float division by zero (" in said
+    assert "failing.py:10)" in said
+
+
+def test_a_file_without_expectations_says_so(file_of, capsys):
+    assert run(options(file_of(HEAD))) == 0
+    assert "no [[expect]] in it" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("obstacle", "words"),
     [
