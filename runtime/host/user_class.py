@@ -95,5 +95,6 @@ def _no_class(module: ModuleType, wanted: str) -> str:
     found = [name for name, one in vars(module).items() if isinstance(one, type) and one.__module__ == module.__name__]
     near = difflib.get_close_matches(wanted.lower(), [name.lower() for name in found], 1)
     meant = next((name for name in found if near == [name.lower()]), None)
-    others = f"; did you mean {meant}?" if meant else f"; it has {', '.join(found[:5])}" if found else ""
+    listed = ", ".join([*found[:5], *(["..."] if len(found) > 5 else [])])
+    others = f"; did you mean {meant}?" if meant else f"; it has {listed}" if found else ""
     return f"{shown(file_of(module))} has no class {wanted}{others}"

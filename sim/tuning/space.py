@@ -89,7 +89,9 @@ def _span(text: str, span: str, about: Parameter, present: Value) -> tuple[float
     under = about.lowest is not None and (lowest < about.lowest or (about.open_below and lowest == about.lowest))
     over = about.highest is not None and (highest > about.highest or (about.open_above and highest == about.highest))
     if not lowest < highest or under or over:
-        raise SpaceError(f"--param {text}: the range must grow and lie within {about.range_words()}")
+        unbounded = about.lowest is None and about.highest is None
+        within = "" if unbounded else f" and lie within {about.range_words()}"
+        raise SpaceError(f"--param {text}: the range must grow{within}")
     return lowest, highest
 
 
