@@ -5,7 +5,6 @@ A promise that is not believed is judged by the arc of the present steering, as 
 
 import cmath
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +19,7 @@ from wallride.runtime.control.perception.view import View
 from wallride.runtime.control.safety.body import Body
 from wallride.runtime.control.safety.footprint import (
     MIN_SLEW_SPEED_MPS,
+    NOTHING,
     STEP_M,
     Contact,
     PathMotion,
@@ -88,6 +88,7 @@ class JudgedWay:
     stops: the contact to brake at full for, with less of the margin where the first one is too near to stop before it.
     cap_m, cap_mps: (k,) ways ahead and the most speed there, from which full braking ends before a contact, or 0 where
     the rest is hidden. left: (k,) share of the grip that the bends before leave to brake with. margin_m: to each side.
+    eased_mps: lowest set speed that brakes by no more than the present bend leaves of the grip.
     """
 
     way: PromisedWay
@@ -98,6 +99,7 @@ class JudgedWay:
     cap_m: Floats
     cap_mps: Floats
     left: Floats
+    eased_mps: float = -math.inf
 
     def limit(self, body: Body, reaction_s: float) -> Verdict:
         """Return the limit from which the early brake keeps to every cap, and a hard stop to what is seen."""
@@ -114,16 +116,13 @@ class JudgedWay:
         return Verdict(most_mps, NO_LIMIT_MPS, reason, float(self.cap_m[tightest]))
 
 
-def eased(verdict: Verdict, speed_mps: float, turn_radps: float, body: Body) -> Verdict:
-    """Return a limit that slows the car down in a bend by no more than it leaves of the grip.
+def least_limit_mps(way: JudgedWay | None) -> float:
+    """Return the least limit for what is beside a way, in the outer half of its margin alone; -inf for anything else.
 
-    A motor controller obeys a lower speed at once, and a car that brakes in a bend by more than that spins. Where the
-    way is too short for it, the hard stop comes, which is none of this.
+    A motor controller obeys a lower speed at once, and a car that brakes in a bend by more than it leaves of the grip
+    spins.
     """
-    lateral_mps2 = speed_mps * turn_radps
-    grip_mps2 = max(body.slippery_mps2, GRIPS_MORE * abs(lateral_mps2))
-    least_mps = eased_mps(speed_mps, lateral_mps2, grip_mps2)
-    return verdict if verdict.forward_mps <= 0.0 else replace(verdict, forward_mps=max(verdict.forward_mps, least_mps))
+    return way.eased_mps if way is not None and way.stops is NOTHING else -math.inf
 
 
 class _JudgedOnce(NamedTuple):
@@ -172,7 +171,7 @@ def believed(
         or kept.given is not given
         or kept[2:5] != asked
     ):
-        way = _judged(strip, (places_m, speeds_mps), command, given.margin_m, look_m)
+        way = _judged(strip, (places_m, speeds_mps), command, given.margin_m, look_m, here.turn_radps)
         kept = strip.judged = _JudgedOnce(promise, given, here, command, look_m, way)
     judged = kept.way
     if isinstance(judged, Unbelievable):
@@ -181,8 +180,9 @@ def believed(
 
 
 def _judged(
-    strip: Strip, points: tuple[Places, Floats], command: tuple[float, float], margin_m: float, look_m: float
-) -> JudgedWay | Unbelievable:
+    strip: Strip, points: tuple[Places, Floats], command: tuple[float, float], margin_m: float, look_m: float,
+    turn_radps: float,
+) -> JudgedWay | Unbelievable:  # fmt: skip
     body = strip.body
     car = _roadworthy(strip)
     way = way_of(*points, car, look_m)
@@ -219,8 +219,18 @@ def _judged(
     if hidden_m < look_m:
         cap_m, cap_mps = np.append(cap_m, max(0.0, hidden_m - HIDDEN_SPARE_M)), np.append(cap_mps, 0.0)
         left = np.append(left, 1.0)
-    middle_m = way.path.place_m[min(way.path.place_m.size - 1, int(look_m / 2 / STEP_M))]
-    return JudgedWay(way, margin_m, found, stops, cmath.phase(middle_m), cap_m, cap_mps, left)
+    middle_m, least_mps = _middle_m(way, look_m), _eased_mps(car.speed_mps, turn_radps, body)
+    return JudgedWay(way, margin_m, found, stops, cmath.phase(middle_m), cap_m, cap_mps, left, least_mps)
+
+
+def _middle_m(way: PromisedWay, look_m: float) -> complex:
+    return complex(way.path.place_m[min(way.path.place_m.size - 1, int(look_m / 2 / STEP_M))])
+
+
+def _eased_mps(speed_mps: float, turn_radps: float, body: Body) -> float:
+    """Return the lowest set speed for a bend, on a floor that is slippery, or just holds the car in it."""
+    lateral_mps2 = speed_mps * turn_radps
+    return eased_mps(speed_mps, lateral_mps2, max(body.slippery_mps2, GRIPS_MORE * abs(lateral_mps2)))
 
 
 def _roadworthy(strip: Strip) -> Roadworthy:

@@ -21,7 +21,7 @@ from wallride.runtime.control.safety.emergency import Emergency
 from wallride.runtime.control.safety.footprint import NOTHING, Contact
 from wallride.runtime.control.safety.lidar_reach import LidarReach
 from wallride.runtime.control.safety.manoeuvre_rollout import FRONT_SHARE
-from wallride.runtime.control.safety.promise_judgement import CLEAR, JudgedWay, believed, eased
+from wallride.runtime.control.safety.promise_judgement import CLEAR, JudgedWay, believed, least_limit_mps
 from wallride.runtime.control.safety.promise_record import NO_PROMISES
 from wallride.runtime.control.safety.stopping import speed_to_stop_within_mps, stopping_distance_m
 from wallride.runtime.control.safety.swept_memory import SweptMemory
@@ -173,8 +173,6 @@ class SweptAssessment:
             memory = memory._replace(reversal=reversal)
             way, memory = self._promised(speed_mps, steering_rad, memory, promise)
             verdict, memory = self._forward(speed_mps, steering_rad, reaction_s, memory, way)
-            if way is not None:
-                verdict = eased(verdict, self.speed_mps, self.percept.motion.here.turn_radps, self.guard.body)
             if reversal.wavers:
                 verdict = _slower_of(verdict, self._wavering(speed_mps, reversal.given_up_rad, reaction_s))
             if self.percept.visibility.suspicious:
@@ -245,7 +243,7 @@ class SweptAssessment:
             memory = memory._replace(emergency=memory.emergency.ended())
         if found is NOTHING:
             return self._no_contact(steering_rad, look_m, wanted_mps, reaction_s, way), memory
-        graded_mps = body.graded_mps(found, reaction_s)
+        graded_mps = max(body.graded_mps(found, reaction_s), least_limit_mps(way))
         hastes = wanted_mps >= speed_mps > graded_mps and found.aside_m * steering_rad < 0.0
         if way is None and hastes and self._is_needy(steering_rad):
             slowed = memory.emergency.slowed_in_bend(self.strip, steering_rad, now_s)

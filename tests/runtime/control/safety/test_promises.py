@@ -31,6 +31,7 @@ from wallride.runtime.control.recovery.recovering_follower import RecoveringFoll
 from wallride.runtime.control.recovery.way_out import RecoveryAdvice
 from wallride.runtime.control.safety import promise_judgement, promise_record, promised_way
 from wallride.runtime.control.safety.promise_record import LEAST_MARGIN_M, NO_PROMISES
+from wallride.runtime.control.tyres import eased_mps
 from wallride.runtime.live_stack import LiveStack
 from wallride.runtime.recording.decision_log import DecisionLog
 from wallride.runtime.settings.tree import load_settings
@@ -206,25 +207,31 @@ def test_a_car_brakes_at_full_for_half_of_a_margin_and_slows_down_for_all_of_it(
 
 
 @pytest.mark.parametrize(("turn_radps", "slower_mps"), [
-    (0.0, 2.7), (0.9, 2.7), (1.1, 0.29), (-1.1, 0.29), (1.6, 0.18), (2.4, 0.26), (math.nan, 2.7)
+    (0.0, math.inf), (0.9, math.inf), (1.1, 0.29), (-1.1, 0.29), (1.6, 0.18), (2.4, 0.26), (math.nan, math.inf)
 ])  # fmt: skip
 def test_in_a_bend_a_limit_slows_down_by_what_the_bend_leaves_of_the_grip(turn_radps, slower_mps):
-    """A motor obeys 0.3 m/s at once: on a floor of 0.5 the car that turns at 1.1 rad/s then spins. A stop stays one."""
-    creeping, stop, body = Verdict(0.3, 9.0, "creeping"), Verdict(0.0, 9.0, "braking"), Promising(1).guard.body
-    found = promise_judgement.eased(creeping, 3.0, turn_radps, body)
-    assert found.forward_mps == pytest.approx(3.0 - slower_mps, abs=0.01)
-    assert found == Verdict(found.forward_mps, 9.0, "creeping")
-    assert promise_judgement.eased(stop, 3.0, turn_radps, body) is stop
-    faster = Verdict(5.0, 9.0, "slower")
-    assert promise_judgement.eased(faster, 3.0, turn_radps, body) == faster
+    """A motor obeys 0.3 m/s at once: on a floor of 0.5 the car that turns at 1.1 rad/s then spins."""
+    least_mps = eased_mps(3.0, 3.0 * turn_radps, max(4.9, 1.1 * abs(3.0 * turn_radps)))
+    assert least_mps == pytest.approx(3.0 - slower_mps, abs=0.01)
 
 
-def test_only_the_limit_of_a_believed_promise_is_eased():
-    car, beside = Promising(), world((0.6, 0.5, 6.0, 0.5))
-    promised, plain = judged(car, beside, lambda stamp_s: promise_of(stamp_s, margin_m=0.45))
-    assert (promised.reason, car.record.reason) == ("slower: wall beside", "")
-    assert 2.8 < promised.forward_mps < SPEED_MPS
+@pytest.mark.parametrize(("margin_m", "aside_m", "limit_mps"), [(0.3, 0.45, (2.8, 3.0)), (0.45, 0.36, (-0.1, 2.8))])
+def test_only_what_is_beside_a_promise_by_more_than_half_of_its_margin_slows_it_down_by_that(
+    margin_m, aside_m, limit_mps
+):
+    """In the outer half the car passes if it keeps to its path; within the other one it may have to stop."""
+    car, beside = Promising(), world((0.6, aside_m, 6.0, aside_m))
+    promised, plain = judged(car, beside, lambda stamp_s: promise_of(stamp_s, margin_m=margin_m))
+    assert not car.record.reason
+    assert limit_mps[0] < promised.forward_mps < limit_mps[1]
     assert plain.forward_mps < 2.5
+
+
+def test_what_hides_the_way_bounds_the_speed_in_a_bend_as_on_a_straight():
+    """That limit is the last one before a stop is too long, and no hard stop stands behind it."""
+    one, unused = np.ones(1), cast("Any", None)
+    hidden = promise_judgement.JudgedWay(unused, 0.0, unused, unused, 0.0, 2.0 * one, 0.0 * one, one, 6.0)
+    assert hidden.limit(Promising(1).guard.body, 0.1).forward_mps < 4.5
 
 
 def way_in(car, ranges_m, promise):
