@@ -22,9 +22,9 @@ from wallride.runtime.own_drivers.settings import OwnMotorSettings
 REVERSING_ABOVE_MPS: Final = 0.3
 """Maximum speed for a reversal; a faster car is braked before it drives the other way."""
 MAX_SPEED_MPS: Final = 30.0
-GAINS_MPS: Final = 0.25
-"""Speed that wheels gain against the command where a driver has a wrong sign; a reversal only slows them down, in a
-report that lags by 0.1 s up to 0.2 m/s later."""
+SURE_S, SMOOTH_S, GAINS_MPS = 1.0, 0.3, 0.15
+"""Time of commands of one sign after which a driver's sign is judged, the time constant of the speed against them, and
+what that gains where the sign is wrong. A reversal only slows the wheels down, in reports that lag a little later."""
 OTHER_WAY: Final = "the wheels turn the other way than told: the sign of the driver's speed?"
 UNTAKEN_S: Final = 1.0
 """Time for which a driver that says READY may answer commands with False."""
@@ -46,7 +46,9 @@ class OwnMotor:
         self._given: tuple[object, ...] = ()  # what the driver's report held when it was taken
         self._begun_s = clock()
         self._latched, self._contradicts = "", False
-        self._asked_way, self._against_mps, self._taken_s = 0.0, math.inf, clock()
+        self._asked_way, self._asked_for_s, self._seen_s = 0.0, 0.0, clock()
+        self._against_mps = self._least_mps = 0.0
+        self._refused_s: float | None = None
         self._bad_commands = self._faults = 0
         self.braked_instead = False
         self.tap: Tap | None = None
@@ -106,8 +108,10 @@ class OwnMotor:
                 f"answered a command with a {type(written).__name__} where True or False is needed", run.driver.place
             )
         elif written or run.health().link is not LinkState.READY:
-            self._taken_s = self._clock()
-        elif self._clock() - self._taken_s > UNTAKEN_S:
+            self._refused_s = None
+        elif self._refused_s is None:
+            self._refused_s = self._clock()
+        elif self._clock() - self._refused_s > UNTAKEN_S:
             run.refuse("answers commands with False although it says READY", run.driver.place)
         return bool(written is True)
 
@@ -138,8 +142,7 @@ class OwnMotor:
             self._run.call(clear)
 
     def _begin(self, made: Any) -> Any:  # noqa: ANN401 - the user's
-        self._reported, self._given = None, ()
-        self._begun_s = self._taken_s = self._clock()
+        self._reported, self._given, self._begun_s, self._refused_s = None, (), self._clock(), None
         return made.run()
 
     def _allowed(self, drive: Drive, state: MotorState | None) -> Drive:
@@ -161,14 +164,18 @@ class OwnMotor:
     def _look_at_sign(self, asked_mps: float, state: MotorState | None) -> None:
         """Latch a fault where the wheels gain speed the other way than they were told."""
         moves = abs(asked_mps) >= self._settings.min_speed_mps
-        way = math.copysign(1.0, asked_mps) if moves and state is not None else 0.0
-        if way != self._asked_way:
-            self._asked_way, self._against_mps = way, math.inf
-        if not way or state is None:
+        since_s, self._seen_s = min(self._clock() - self._seen_s, SMOOTH_S), self._clock()
+        if not moves or state is None:
             return
+        way = math.copysign(1.0, asked_mps)
         against_mps = max(0.0, -way * state.speed_mps)
-        self._against_mps = min(self._against_mps, against_mps)
-        if against_mps > self._against_mps + GAINS_MPS:
+        if way != self._asked_way:
+            self._asked_way, self._asked_for_s = way, 0.0
+            self._against_mps = self._least_mps = against_mps
+        self._asked_for_s += since_s
+        self._against_mps += since_s / SMOOTH_S * (against_mps - self._against_mps)
+        self._least_mps = min(self._least_mps, self._against_mps)
+        if self._asked_for_s > SURE_S and self._against_mps > self._least_mps + GAINS_MPS:
             self.latch_fault(OTHER_WAY)
 
     def _take(self, given: object) -> None:

@@ -125,10 +125,10 @@ def test_a_latched_fault_brakes_until_it_is_cleared(driver_file, whose):
 
 
 @pytest.mark.parametrize(("speeds_mps", "latched"), [
-    ((0.0, -0.05, -0.15, -0.25, -0.35), True),
-    ((0.0, 0.1, 0.2, 0.3), False),
-    ((-0.1, -0.2, -0.29, -0.2, 0.0, 0.2), False),  # a reversal, in reports that lag
-    ((-2.0, -2.2, -1.0, -0.1), False),
+    ((0.0, -0.1, -0.2, -0.3, -0.4, -0.2, -0.4, -0.2), True),  # braked above 0.3 m/s
+    ((0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7), False),
+    ((-0.1, -0.3, 0.0, 0.0, 0.1, 0.2, 0.3, 0.3), False),  # a reversal, in reports that lag
+    ((-4.0, -4.3, -3.0, -2.0, -1.0, -0.2, 0.1, 0.2), False),
 ])  # fmt: skip
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_wheels_that_gain_speed_the_other_way_than_told_are_a_fault(driver_file, way, speeds_mps, latched):
@@ -136,8 +136,9 @@ def test_wheels_that_gain_speed_the_other_way_than_told_are_a_fault(driver_file,
         motor = running.motor
         for speed_mps in speeds_mps:
             running.made.speed_mps = way * speed_mps
-            await asyncio.sleep(0.05)
-            motor.send(Drive(way, 0.1))
+            for _ in range(8):
+                await asyncio.sleep(0.02)
+                motor.send(Drive(way, 0.1))
         assert (motor.health.trouble == OTHER_WAY) is latched
         running.made.speed_mps = 0.0
         await asyncio.sleep(0.05)
