@@ -180,23 +180,29 @@ def add_jobs(command: argparse.ArgumentParser) -> None:
     command.add_argument("--jobs", type=at_least(1), metavar="N", help="processes (default: one per core)")
 
 
+LINE: Final = ".line.csv"
 KEPT: Final = (".mcap", ".bag", ".db3", ".npz", ".yaml", ".yml", ".pgm", ".walls.csv", ".path.csv")
 """Endings of recordings and maps, which another file is not put in place of: a recording cannot be made again."""
-PICTURE: Final = ".png"
 
 
 def add_json(command: argparse.ArgumentParser, what: str) -> None:
     """Add --json FILE|-."""
-    command.add_argument("--json", type=writable, metavar="FILE|-", help=f"write {what} as JSON")
+    command.add_argument("--json", type=_writable_json, metavar="FILE|-", help=f"write {what} as JSON")
 
 
-def writable(text: str, kept: tuple[str, ...] = KEPT) -> str:
+def _writable_json(text: str) -> str:
+    return writable(text, (*KEPT, LINE, ".toml"))
+
+
+def writable(text: str, kept: tuple[str, ...] = (*KEPT, LINE)) -> str:
     """Return the name of a file to write, "-" as it is; checked before minutes of work, not after them."""
     path = Path(text)
     if text == "-":
         return text
     if text.lower().endswith(kept):
         raise argparse.ArgumentTypeError(f"{text} is the name of a recording or of a map's part; name another file")
+    if kept and _is_of_map(path):
+        raise argparse.ArgumentTypeError(f"{text} is a picture of the map beside it; name another file")
     try:
         is_folder = path.is_dir()
     except OSError as error:
@@ -210,7 +216,13 @@ def writable(text: str, kept: tuple[str, ...] = KEPT) -> str:
     return text
 
 
-def writable_path(text: str, kept: tuple[str, ...] = KEPT) -> Path:
+def _is_of_map(path: Path) -> bool:
+    """Whether a picture is that of a map, or its very image."""
+    is_picture = path.suffix.lower() in {".png", ".jpg", ".jpeg", ".bmp"}
+    return is_picture and any(path.with_suffix(ending).exists() for ending in (".yaml", ".yml"))
+
+
+def writable_path(text: str, kept: tuple[str, ...] = (*KEPT, LINE)) -> Path:
     """Return the same as a path; "-" is none."""
     if text == "-":
         raise argparse.ArgumentTypeError("- is no file; name one")
@@ -228,16 +240,15 @@ def writable_map(text: str) -> Path:
 def writable_files(text: str) -> Path:
     """Return the path of a file to write with a picture beside it, which is not that of a map."""
     path = writable_map(text)
-    writable(text)
-    if path.with_suffix(PICTURE).exists() and path.with_suffix(".yaml").exists():
-        picture = path.with_suffix(PICTURE)
+    writable(text, KEPT)
+    if _is_of_map(picture := path.with_suffix(".png")):
         raise argparse.ArgumentTypeError(f"{text} comes with {picture}, which is a map's picture; name another file")
     return path
 
 
 def writable_poses(text: str) -> Path:
     """Return the same for poses, which are no race line either."""
-    writable(text, (*KEPT, ".line.csv"))
+    writable(text)
     return writable_files(text)
 
 

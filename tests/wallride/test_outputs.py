@@ -26,7 +26,13 @@ def test_no_recording_and_no_part_of_a_map_is_written_over(convert, name):
     assert refused(convert, name).startswith(f"{name} is the name of a recording or of a map's part")
 
 
-def test_the_picture_of_a_map_is_not_written_over(here):
+@pytest.mark.parametrize("name", ["lab.png", "lab.jpg"])
+def test_no_other_picture_takes_the_place_of_a_map_s(name):
+    assert "a picture of the map beside it" in refused(writable_path, name)
+    assert writable("drive.png") == "drive.png"
+
+
+def test_the_picture_of_a_map_is_not_written_over():
     assert "lab.png, which is a map's picture" in refused(writable_files, "lab.csv")
     assert writable_files("lab.line.csv").name == "lab.line.csv"
 

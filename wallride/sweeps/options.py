@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from wallride.failure import later
-from wallride.parser import Commands, add_jobs, add_json, add_set
+from wallride.parser import Commands, add_jobs, add_json, add_set, writable, writable_path
 
 
 def add(experiments: Commands) -> None:
@@ -28,12 +28,12 @@ def _add_sweep(experiments: Commands) -> None:
         "once: the same command again runs only what is missing.",
     )  # fmt: skip
     sweep.add_argument("file", type=Path, metavar="FILE.toml", help="the sweep (docs/sweeps.md)")
-    sweep.add_argument("--table", type=Path, metavar="FILE", help="table of the runs (default: FILE.sqlite)")
+    sweep.add_argument("--table", type=writable_path, metavar="FILE", help="table of the runs (default: FILE.sqlite)")
     add_jobs(sweep)
     sweep.add_argument(
         "--on", default="", metavar="ADDRESS", help="Ray cluster: ray (on this machine), HOST:PORT or ray://HOST:10001"
     )
-    sweep.add_argument("--csv", metavar="FILE|-", help="write the runs as CSV")
+    sweep.add_argument("--csv", type=writable, metavar="FILE|-", help="write the runs as CSV")
     add_json(sweep, "the runs")
     sweep.add_argument("--again-failed", action="store_true", help="run those again that failed")
 
