@@ -30,9 +30,9 @@ CELL_M: Final = (0.001, 10.0)
 FIELD_CELL_M: Final = (0.02, 0.11)
 """Smallest and largest cell of a map on which a pose is found."""
 WALLS_SUFFIX: Final = ".walls.csv"
+"""Ending of the file with the walls, in place of .yaml."""
 ABOUT: Final = "map by wallride of "
 """What a map of `wallride map` says of itself in its first line."""
-"""Ending of the file with the walls, in place of .yaml."""
 WALLS_APART_M, WALLS_AGREE = 0.15, 0.75
 """Largest distance between walls and the image's cells, and the least share of each that lies so near the other."""
 MAX_BYTES: Final = 64 << 20

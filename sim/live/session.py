@@ -280,8 +280,9 @@ class SimulatorSession:
             known_s = known_s if record.address is not None else record.starting_s
             unasked = record.starting_s - known_s > ASKED_WITHIN_S
             if runtime.exit_code is not None or unasked or record.starting_s > START_TIMEOUT_S:
+                silent = f"the lidar sends nothing{_told_by(runtime)}" if unasked and runtime.exit_code is None else ""
                 await runtime.stop()
-                raise SessionError(_output_of(runtime), runtime.exit_code)
+                raise SessionError(silent or _output_of(runtime), runtime.exit_code)
             if record.starting_s - shown_s > SHOW_S:
                 shown_s = record.starting_s
                 on_frame(record)
@@ -380,15 +381,13 @@ def last_words(scene: LidarScene, duration_s: float, *, asked: bool) -> str:
 
 
 def _told_by(runtime: RuntimeProcess) -> str:
-    """Return the last fault of a device in the runtime's log, "" where there is none."""
-    return next((f"; {line}" for line in reversed(runtime.log) if "faulty" in line), "")
+    """Return the last fault of the lidar in the runtime's log, "" where there is none."""
+    return next((f"; {line}" for line in reversed(runtime.log) if "lidar faulty" in line), "")
 
 
 def _output_of(runtime: RuntimeProcess) -> str:
     """Return the reason of a failed start: the runtime's own sentence if it ended with one, else all of its output."""
     if runtime.exit_code == USAGE_ERROR and runtime.log:
         return runtime.log[-1].removeprefix("wallride: ")
-    if fault := _told_by(runtime):
-        return f"the lidar sends nothing{fault}"
     said = "\n".join(runtime.log) or "nothing"
     return f"the runtime did not start (exit code {runtime.exit_code}); it said:\n{said}"

@@ -21,7 +21,6 @@ from wallride.sim.world.pose import Floats
 
 FREE, UNKNOWN, WALL = 254, 205, 0
 """Shades of map_saver."""
-"""Begin of the comment in a map's files; the name of the recording follows."""
 COLUMNS: Final = ("t_s", "x_m", "y_m", "yaw_rad", "speed_mps")
 
 
