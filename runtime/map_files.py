@@ -118,9 +118,7 @@ def fingerprint(path: Path) -> str:
 def check_image(settings: MapSettings) -> None:
     """Raise FileNotFoundError with what to do where a map's image is missing."""
     if not settings.image.is_file():
-        raise FileNotFoundError(
-            f"the map's image {settings.image} is missing: copy it too (`image` in the .yaml file names it)"
-        )
+        raise FileNotFoundError(f"the map's image {settings.image} is missing; `image` in the .yaml file names it")
 
 
 def read_pgm(settings: MapSettings) -> Floats:

@@ -201,12 +201,12 @@ def writable(text: str, kept: tuple[str, ...] = (*KEPT, LINE)) -> str:
         return text
     if text.lower().endswith(kept):
         raise argparse.ArgumentTypeError(f"{text} is the name of a recording or of a map's part; name another file")
-    if kept and _is_of_map(path):
-        raise argparse.ArgumentTypeError(f"{text} is a picture of the map beside it; name another file")
     try:
-        is_folder = path.is_dir()
+        is_folder, is_of_map = path.is_dir(), bool(kept) and _is_of_map(path)
     except OSError as error:
         raise argparse.ArgumentTypeError(f"{text[:40]}...: {error.strerror}; name another file") from None
+    if is_of_map:
+        raise argparse.ArgumentTypeError(f"{text} is a picture of the map beside it; name another file")
     if is_folder:
         raise argparse.ArgumentTypeError(f"{text} is a directory; name a file in it")
     if not path.absolute().parent.is_dir():

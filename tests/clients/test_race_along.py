@@ -56,7 +56,7 @@ class Car:
 def made(tmp_path):
     """A map with its race line, of 5 m/s at most."""
     map_ = write(tmp_path, box())
-    (tmp_path / "lab.yaml").write_text("# map by wallride of a.mcap, good\n" + map_.read_text())
+    (tmp_path / "lab.yaml").write_text("# a map of a.mcap, good\n" + map_.read_text())
     (tmp_path / "lab.line.csv").write_text(in_the_box(5.0))
     return tmp_path / "lab.yaml"
 

@@ -56,7 +56,6 @@ def run(options: argparse.Namespace) -> int:
     table_path: Path = options.table or options.file.with_suffix(".sqlite")
     began_s = time.monotonic()
     try:
-        check_options(options)
         plan = read_plan(options.file)
         with open_table(table_path, writes=True) as table:
             if options.again_failed:
@@ -102,14 +101,6 @@ def fill(table: RunTable, plan: SweepPlan, keys: Sequence[RunKey], workers: Work
             progress.advance(bar)
     failed = sum(bool(one.error) for one in table.runs(keys))
     return SweepCount(len(keys), len(keys) - len(missing), len(missing), failed)
-
-
-def check_options(options: argparse.Namespace) -> None:
-    """Check what can be wrong before minutes of driving; TableError for an output that cannot be written."""
-    for name in ("csv", "json"):
-        value = getattr(options, name)
-        if value not in {None, "-"} and (Path(value).is_dir() or not Path(value).absolute().parent.is_dir()):
-            raise TableError(f"--{name} {value}: name a file in a directory that is there")
 
 
 def export(options: argparse.Namespace, rows: Sequence[Row]) -> None:
