@@ -28,8 +28,8 @@ SLOWEST_MPS: Final = 1.0
 LEAST_SLOWING, IN_BEND = 0.3, 0.6
 """Share of the grip by which a car may always slow down, of the grip aside it takes 5 %; and the share that a bend has
 to take before it leaves less than a motor controller brakes with."""
-EASED_S: Final = 0.08
-"""Time in which the wheels follow a lower set speed."""
+OBEYS_S: Final = 0.08
+"""Time in which the wheels follow the set speed."""
 
 TURN_LAG_S: Final = 0.1
 """Time in which the turn follows the wheels: servo, tyres and inertia."""
@@ -139,7 +139,7 @@ def eased_mps(speed_mps: float, lateral_mps2: float, grip_mps2: float) -> float:
     """Return the lowest set speed for a car in a bend: braked by more than that leaves it spins. -inf on a straight."""
     used = abs(lateral_mps2) / grip_mps2
     left = max(LEAST_SLOWING, math.sqrt(1.0 - min(1.0, used) ** 2)) if used >= IN_BEND else math.inf
-    return speed_mps - EASED_S * left * grip_mps2
+    return speed_mps - OBEYS_S * left * grip_mps2
 
 
 def slip_rad(lateral_mps2: float, cornering_per_rad: float, mu: float) -> float:

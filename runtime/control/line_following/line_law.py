@@ -13,7 +13,7 @@ import math
 from typing import Final
 
 from wallride.runtime.control.line_following.race_line import CourseLine, OnLine
-from wallride.runtime.control.tyres import SLOWEST_MPS, Moving, Tyres
+from wallride.runtime.control.tyres import OBEYS_S, SLOWEST_MPS, Moving, Tyres
 from wallride.runtime.control.wall_following.prediction import slew_towards
 
 FREQUENCY_RADPS, DAMPING = 6.0, 1.1
@@ -28,9 +28,9 @@ early leaves a bend wide."""
 SERVO_S: Final = 0.02
 """Time after a scan for which the wheels still stand as they were told before the last time. Without it the law takes
 what it has just told for what the wheels have done, and near the grip tells them the opposite at every scan."""
-OBEYS_S, SPARE_MPS = 0.08, 0.03
-"""Time in which the wheels follow the set speed, which may be higher by what they gain in it, and a little. With 0.15
-and 0.1 they gained twice what a bend leaves, and a car slid whose share of the line's speed had risen in it."""
+SPARE_MPS: Final = 0.03
+"""The set speed may be higher by what the wheels gain in OBEYS_S, and this. With 0.15 s and 0.1 they gained twice what
+a bend leaves, and a car slid whose share of the line's speed had risen in it."""
 MOST_ASIDE_M: Final = 0.4
 """Largest lateral error that counts, and so the steepest way to the line (half of a right angle's sine, when slow)."""
 STEEPEST: Final = 0.5

@@ -33,7 +33,8 @@ STANDING_MPS = 0.05
 STOP_SPARE_M = 0.05
 WARY_S = 0.25
 UNTOLD_S = 0.25
-"""Time after locked wheels for which a braking car waits: an obstacle's motion is told so long after them."""
+"""Time after locked wheels for which a braking car waits: while they are locked, no motion of an obstacle is told, and
+to tell one takes this long."""
 NEEDY_SHARE = 0.7
 """Share of a slippery floor's grip above which a bend leaves too little for the deceleration by the motor."""
 EDGE_M = 0.05
@@ -269,8 +270,8 @@ class SweptAssessment:
 
     def _look_m(self, wanted_mps: float) -> float:
         """Return the look-ahead: never beyond the lidar's range, whatever speed is reported."""
-        fastest_mps, view = max(self.speed_mps, wanted_mps), self.view
-        return min(self.guard.body.look_m(fastest_mps, view.waits_s), view.scan.range_max_m)
+        look_m = self.guard.body.look_m(max(self.speed_mps, wanted_mps), self.view.waits_s)
+        return min(look_m, self.view.scan.range_max_m)
 
     def _is_needy(self, steering_rad: float) -> bool:
         """Return whether a bend leaves too little of a slippery floor's grip for the motor's full deceleration."""
@@ -374,11 +375,11 @@ class SweptAssessment:
 
     def _backward(self, steering_rad: float, reaction_s: float) -> Verdict:
         settings = self.guard.settings
+        left_m = settings.reverse_unseen_m - self.percept.behind.backed_m
         brake_mps2 = settings.graded_share * self.guard.body.grip_mps2
         look_m = stopping_distance_m(settings.reverse_mps, reaction_s, brake_mps2) + LOOK_SPARE_M
         found = self.strip.contact(steering_rad, round(look_m, 2), -1.0)
         # The last centimetres may be used: the nose does not swing there, and the way out may be short.
-        left_m = settings.reverse_unseen_m - self.percept.behind.backed_m
         way_m = min(found.travel_m, left_m)
         allowed_mps = speed_to_stop_within_mps(way_m, reaction_s, brake_mps2)
         if allowed_mps < settings.slowest_mps:
