@@ -15,12 +15,13 @@ from wallride.clients.endpoints import (
     given_by,
     keys_of,
     option_of,
+    session_config,
 )
 from wallride.clients.fleet.search import at_one_endpoint
 from wallride.clients.keys.diagnosis import nothing_heard, why_refused
 from wallride.clients.played import NOTHING_DRIVES, SETTLING_S, PlayedNames
 from wallride.runtime.security.key_files import KeyFiles
-from wallride.runtime.wire import topics, zenoh_config
+from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.teleop import Malformed, read_beat, session_text
 
@@ -73,7 +74,7 @@ async def _open(options: argparse.Namespace) -> tuple[Bus, KeyFiles | None]:
     endpoint = endpoint_of(options.connect, with_keys=options.keys is not None, given=given)
     keys = keys_of(endpoint, options.keys)
     tls = keys.tls if keys is not None else None
-    bus = Bus(zenoh_config.client_config(endpoint, tls))
+    bus = Bus(session_config(endpoint, keys))
     try:
         await bus.open()
     except OSError as error:

@@ -56,16 +56,36 @@ def endpoint_of(text: str, *, with_keys: bool = False, given: str = "--connect")
     return endpoint
 
 
-def endpoint_configs(options: argparse.Namespace) -> list[tuple[str, dict[str, Any]]]:
-    """Return the endpoints of --connect, separated by commas, with the configuration of a session at each."""
-    found, given = [], given_by(options)
+def endpoint_configs(
+    options: argparse.Namespace, unusable: list[str] | None = None
+) -> list[tuple[str, dict[str, Any]]]:
+    """Return the endpoints of --connect, separated by commas, with the configuration of a session at each.
+
+    unusable: where given, takes the reason for an endpoint without one, in place of a ConnectionProblemError: whoever
+    has to reach every car goes on with the others.
+    """
+    found, given, reasons = [], given_by(options), []
     for text in filter(None, (part.strip() for part in options.connect.split(","))):
-        endpoint = endpoint_of(text, with_keys=options.keys is not None, given=given)
-        keys = keys_of(endpoint, options.keys)
-        found.append((endpoint, zenoh_config.client_config(endpoint, keys.tls if keys is not None else None)))
-    if not found:
+        try:
+            endpoint = endpoint_of(text, with_keys=options.keys is not None, given=given)
+            found.append((endpoint, session_config(endpoint, keys_of(endpoint, options.keys))))
+        except ConnectionProblemError as error:
+            if unusable is None:
+                raise
+            reasons.append(str(error))
+    if unusable is not None:
+        unusable += reasons
+    if not found and not reasons:
         raise ConnectionProblemError(f"{given}: name at least one endpoint, e.g. tcp/127.0.0.1:7447")
     return found
+
+
+def session_config(endpoint: str, keys: KeyFiles | None) -> dict[str, Any]:
+    """Return the configuration of a session at an endpoint; ConnectionProblemError where zenoh can have none."""
+    try:
+        return zenoh_config.client_config(endpoint, keys.tls if keys is not None else None)
+    except ValueError as error:
+        raise ConnectionProblemError(str(error)) from None
 
 
 def keys_of(endpoint: str, folder: Path | None) -> KeyFiles | None:

@@ -31,9 +31,14 @@ class FleetLink:
 
 
 @asynccontextmanager
-async def fleet_links(options: argparse.Namespace) -> AsyncIterator[Sequence[FleetLink]]:
-    """Yield a link for each endpoint of --connect; each opens as soon as it can. All are closed on every way out."""
-    links = [FleetLink(Bus(config)) for _, config in endpoint_configs(options)]
+async def fleet_links(
+    options: argparse.Namespace, unusable: list[str] | None = None
+) -> AsyncIterator[Sequence[FleetLink]]:
+    """Yield a link for each endpoint of --connect; each opens as soon as it can. All are closed on every way out.
+
+    unusable: as of `endpoint_configs`.
+    """
+    links = [FleetLink(Bus(config)) for _, config in endpoint_configs(options, unusable)]
     opening = [asyncio.create_task(open_link(link)) for link in links]
     try:
         yield links

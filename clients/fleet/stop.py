@@ -166,14 +166,15 @@ async def run(options: argparse.Namespace) -> int:
     """Stop, and print a line for each car; exit code 0 when each has latched and every endpoint answered, else 1."""
     if not options.all and options.car is None:
         options.car = await _only_car(options)
-    async with fleet_links(options) as links:
+    unusable: list[str] = []
+    async with fleet_links(options, unusable) as links:
         stop = FleetStop(links, options.name, options.car)
         began_s = time.monotonic()
         stop.press(began_s)
         while not _is_over(stop, links, time.monotonic() - began_s):
             stop.step(time.monotonic())
             await asyncio.sleep(PERIOD_S)
-        problems = _problems(links)
+        problems = [*_problems(links), *unusable]
         results, recordings = stop.results, stop.recordings
     for line in (*lines(results), *(f"{name:<16} {NOTHING_DRIVES}" for name in recordings)):
         options.print_line(one_line(line))
@@ -201,6 +202,8 @@ def lines(results: Sequence[StopResult]) -> Iterator[str]:
 
 
 def _is_over(stop: FleetStop, links: Sequence[FleetLink], passed_s: float) -> bool:
+    if not links:
+        return True
     waits = [one for one in stop.results if one.took_s is None and not one.refused_at]  # a refused one cannot confirm
     done = bool(stop.results) and not waits and not any(link.problem for link in links)
     return passed_s > GIVE_UP_S or (done and passed_s > SETTLING_S)
@@ -218,10 +221,11 @@ def _nothing_stopped(problems: Sequence[str]) -> str:
 
 async def _only_car(options: argparse.Namespace) -> str:
     """Return the name of the only car; an error names them, because a guess would leave one of them driving."""
-    async with fleet_links(options) as links:
+    unusable: list[str] = []
+    async with fleet_links(options, unusable) as links:
         seen = FleetStop(links, options.name)
-        await asyncio.sleep(SETTLING_S)
-        problems, names = _problems(links), [*seen.cars, *seen.recordings]
+        await asyncio.sleep(SETTLING_S if links else 0.0)
+        problems, names = [*_problems(links), *unusable], [*seen.cars, *seen.recordings]
     if not names:
         raise ConnectionProblemError(_nothing_stopped(problems))
     if len(names) > 1:

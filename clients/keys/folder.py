@@ -185,6 +185,8 @@ def names_of_car(car: str, more: Sequence[str]) -> list[str]:
     for name in more:
         if not _HOST_FORM.fullmatch(name):
             raise KeysError(f"--san {name}: is neither a host name nor an IP address")
+        if ":" in name:  # zenoh compares the brackets as well
+            raise KeysError(f"--san {name}: a certificate cannot be checked against an IPv6 address; use a name")
     host = socket.gethostname().split(".")[0].lower()
     hosts = [host, f"{host}.local"] if _HOST_FORM.fullmatch(host) else []
     return list(dict.fromkeys([car, f"{car}.local", *hosts, "localhost", "127.0.0.1", *more]))

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import re
+from datetime import UTC, datetime
 from functools import partial
 
 import pytest
@@ -18,12 +19,15 @@ from wallride.clients.connection import (
     keys_of,
     open_bus,
 )
+from wallride.clients.endpoints import session_config
 from wallride.clients.fleet.search import choose
+from wallride.clients.keys.folder import KeyFolder
 from wallride.runtime.wire import topics, zenoh_config
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.network import BYTES
 from wallride.runtime.wire.ports import free_endpoint
 from wallride.runtime.wire.teleop import Beat, CarCondition
+from wallride.runtime.wire.zenoh_config import Person, Role
 
 options = partial(typed, "status")
 
@@ -129,6 +133,14 @@ def test_with_keys_the_short_form_is_an_encrypted_one():
 def test_a_wrong_endpoint_is_refused_with_an_example(text):
     with pytest.raises(ConnectionProblemError, match="write tcp/HOST:PORT"):
         endpoint_of(text)
+
+
+def test_an_ipv6_address_with_keys_is_one_line_with_the_reason(tmp_path):
+    keys = KeyFolder(tmp_path / "car")
+    keys.begin("car1", [], datetime.now(UTC), 10, renew=False)
+    keys.add(Person("vera", Role.VIEWER), tmp_path / "vera", datetime.now(UTC), 10, renew=False)
+    with pytest.raises(ConnectionProblemError, match=r"tls/\[::1\]:7448: .*IPv6 address; use the car's name"):
+        session_config("tls/[::1]:7448", keys_of("tls/[::1]:7448", tmp_path / "vera"))
 
 
 def test_an_encrypted_endpoint_needs_a_folder_of_keys(tmp_path):

@@ -220,6 +220,21 @@ async def test_a_car_that_does_not_latch_and_an_endpoint_that_is_away_are_failur
         assert len(came) > 10, "it is told again and again"
 
 
+@pytest.mark.parametrize("other", ["tls/127.0.0.1:7648", "tls/[::1]:7648", "http/car2:1", "tcp/car2:99999"])
+async def test_an_endpoint_that_can_have_no_session_keeps_no_other_car_driving(other, tmp_path):
+    async with beating_car("car1") as (first, came):
+        for arguments in (["--all"], []):
+            parsed, said = stop_options(*arguments, "--connect", f"{first},{other}", "--keys", str(tmp_path))
+            assert await fleet_stop.run(parsed) == 1
+            assert "e-stop latched" in said[0]
+            assert said[1].startswith("cars only there were not stopped: ")
+            assert other in said[1]
+        assert came
+    parsed, said = stop_options("--all", "--connect", other, "--keys", str(tmp_path))
+    assert await fleet_stop.run(parsed) == 1
+    assert said[0].startswith("nothing was stopped: ")
+
+
 async def test_a_car_whose_name_is_announced_as_a_recording_is_stopped_and_confirms_all_the_same():
     async with beating_car("car1") as (endpoint, _):
         liar = Bus(client_config(endpoint, None))
