@@ -152,18 +152,20 @@ def trim(
     folder: Path,
     limit_bytes: int,
     remove: Callable[[Path], None] = Path.unlink,
-    is_short: Callable[[], bool] = lambda: False,
+    missing_bytes: Callable[[], int] = lambda: 0,
     foreign: Container[str] = (),
 ) -> Trimmed:
-    """Delete the oldest files down to the limit, and while the disk is short of room; OSError for the folder itself.
+    """Delete the oldest files down to the limit, and as long as the disk misses room; OSError for the folder itself.
 
-    Files being written, by this process or another, stay. foreign: names that were refused before: not the ring's.
+    Files being written, by this process or another, stay. So do all within the limit where their deletion cannot make
+    the room: something else fills the disk. foreign: names that were refused before: not the ring's.
     """
     present = [entry for entry in entries(folder) if entry.name not in foreign]
-    total_bytes = sum(entry.size_bytes for entry in present)
+    total_bytes, needed_bytes = sum(entry.size_bytes for entry in present), missing_bytes()
+    makes_room = 0 < needed_bytes <= sum(one.size_bytes for one in present if _may_leave(folder / one.name))
     trimmed = Trimmed()
     for entry in in_order_of_leaving(present, limit_bytes):
-        if total_bytes <= limit_bytes and not is_short():
+        if total_bytes <= limit_bytes and not (makes_room and missing_bytes() > 0):
             break
         try:
             if is_being_written(folder / entry.name):
@@ -176,6 +178,13 @@ def trim(
             trimmed.refused[entry.name] = error.strerror or str(error)
         total_bytes -= entry.size_bytes
     return trimmed
+
+
+def _may_leave(path: Path) -> bool:
+    try:
+        return not is_being_written(path)
+    except OSError:  # gone, or another user's
+        return False
 
 
 class Ring:
@@ -201,18 +210,15 @@ class Ring:
         return self.folder / f"{when}-b{self._boot:04d}-{self._number:05d}{stop}.mcap"
 
     def make_room(self) -> bool:
-        """Delete the oldest files until ring and disk have room; False when the disk has none even so.
-
-        Files being written, by this process or another, stay.
-        """
-        found = trim(self.folder, self._settings.ring_mb * MB, self._disk.remove, self._is_short, self._foreign)
+        """Delete the oldest files until ring and disk have room, as `trim`; False when the disk has none even so."""
+        found = trim(self.folder, self._settings.ring_mb * MB, self._disk.remove, self._missing_bytes, self._foreign)
         for name, why in found.refused.items():
             log.warning("%s: cannot be deleted for room (%s): the ring leaves it alone", self.folder / name, why)
         self._foreign |= found.refused.keys()
-        return not self._is_short()
+        return self._missing_bytes() <= 0
 
-    def _is_short(self) -> bool:
-        return self._disk.free_bytes(self.folder) < self._settings.keep_free_mb * MB
+    def _missing_bytes(self) -> int:
+        return self._settings.keep_free_mb * MB - self._disk.free_bytes(self.folder)
 
     def _read_counts(self) -> None:
         counts = {}

@@ -37,7 +37,7 @@ class RecordingSettings(Section):
     """Maximum size of all recordings of a car; the oldest are deleted. An hour of driving is about 1 GB."""
 
     keep_free_mb: Annotated[int, Field(ge=0)] = 512
-    """Minimum free space of the disk; recordings are deleted to keep it."""
+    """Minimum free space of the disk; recordings are deleted to keep it, where that is enough."""
 
     file_mb: Annotated[int, Field(ge=8, le=4096)] = 256
     """Maximum size of a file; a longer recording continues in another one."""

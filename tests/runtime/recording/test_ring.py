@@ -131,3 +131,25 @@ def test_an_open_file_is_missed_when_it_was_deleted_moved_cut_or_grew(tmp_path):
         disk.write(descriptor, memoryview(b"5678"))
         assert not disk.has(descriptor, path, 8), number
         disk.close(descriptor)
+
+
+class NearlyFullDisk(Disk):
+    """A disk that misses so much room, until files of 10 MB go."""
+
+    def __init__(self, missing_mb):
+        self.free_mb = 100 - missing_mb
+
+    def remove(self, path):
+        path.unlink()
+        self.free_mb += 10
+
+    def free_bytes(self, _):
+        return self.free_mb * MB
+
+
+@pytest.mark.parametrize(("missing_mb", "left"), [(15, [False, False, True]), (31, [True, True, True])])
+def test_recordings_leave_for_the_disk_only_where_that_makes_the_room(tmp_path, missing_mb, left):
+    paths = Odd(tmp_path, "refused").paths
+    ring = Ring(tmp_path, RecordingSettings(ring_mb=64, keep_free_mb=100), NearlyFullDisk(missing_mb), "boot")
+    assert ring.make_room() is (missing_mb < 30)
+    assert [path.exists() for path in paths] == left
