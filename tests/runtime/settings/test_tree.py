@@ -207,3 +207,22 @@ def test_one_address_for_two_devices_is_refused_and_blamed_on_the_file(tmp_path,
     load_settings(file, ["motor.driver=maestro"])
     load_settings(file, ["lidar.driver=auto", "lidar.address="])
     load_settings(file, ["motor.driver=my_motor:Motor", "motor.own.address=serial:///dev/port"])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[car]\nmax_speed_mps = true", "car.max_speed_mps = True: input should be a valid number, without quotes"),
+        ('[wall_follow]\nkp = "7"', "wall_follow.kp = '7': input should be a valid number"),
+        ('[safety]\nbinds_teleop = "off"', "safety.binds_teleop = 'off': must be true or false"),
+        ("[safety]\nbinds_teleop = 0", "safety.binds_teleop = 0: must be true or false"),
+        ("[recording]\nring_mb = true", "recording.ring_mb = True: input should be a valid number"),
+    ],
+)
+def test_a_value_of_another_kind_is_refused_as_the_running_car_refuses_it(tmp_path, text, words):
+    file = tmp_path / "car.toml"
+    file.write_text(text)
+    with pytest.raises(SettingsError, match=re.escape(words)):
+        load_settings(file)
+    file.write_text("[wall_follow]\nspeed_mps = 2")
+    assert load_settings(file).wall_follow.speed_mps == 2.0
