@@ -208,7 +208,7 @@ def _drive(
         "lap_times_s": scene.lap_times_s,
         **(_race_figures(race, record, origin, scene.lap_times_s) if race is not None else {}),
         "conditions": conditions.changed(),
-        "changed_while_driving": live.done + len(record.changes),
+        "changed_while_driving": live.done + len({change.stamp_s for change in record.changes}),
     }
     _write_drive(options, settings, record, world, origin if race is not None else Pose(0.0, 0.0, 0.0))
     return summary

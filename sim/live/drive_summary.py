@@ -34,12 +34,14 @@ def summarize(record: Record, settings: Settings) -> dict[str, Any]:
     """Return the figures that every drive has. settings: those at the start."""
     status = record.telemetry.get("status")
     winners = (status or {}).get("seconds_by_winner", {})
-    left_out = OF_THE_WALL if settings.wall_follow.method in NOT_BY_A_WALL else frozenset()
+    methods = record.values_of("wall_follow.method", settings.wall_follow.method)
+    sides = record.values_of("wall_follow.side", settings.wall_follow.side)
+    left_out = OF_THE_WALL if len(sides) > 1 or NOT_BY_A_WALL.intersection(methods) else frozenset()
     driven = {name: value for name, value in record.sums.figures().items() if name not in left_out}
     stands = driven["stopped"] and not record.failed  # the last decision of a runtime that died is no reason
     return {
-        "method": settings.wall_follow.method,
-        "side": settings.wall_follow.side,
+        "method": ", then ".join(methods),
+        "side": ", then ".join(sides),
         "began_unix_s": round(record.began_unix_s, 3),
         **driven,
         "standing_s": round(record.sums.standing_s, 2),

@@ -120,6 +120,11 @@ class Record:
             place_m = turn * complex(one.x_m - origin.x_m, one.y_m - origin.y_m)
             yield self.began_unix_s + one.time_s, place_m.real, place_m.imag, one.yaw_rad - origin.yaw_rad
 
+    def values_of(self, name: str, first: str) -> list[str]:
+        """Return the values that a setting had while it drove, in order. first: that of the start."""
+        values = [first, *(str(change.new) for change in self.changes if change.name == name)]
+        return [value for before, value in zip([None, *values], values, strict=False) if value != before]
+
     def wanted_m(self) -> Callable[[float], float]:
         """Return the function that tells the distance that was wanted at a time of the drive."""
         times_s, values_m = [], [self.desired_m]

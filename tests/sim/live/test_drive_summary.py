@@ -20,7 +20,7 @@ from wallride.runtime.parameters.history import SettingChange
 from wallride.runtime.settings.tree import Settings, load_settings
 from wallride.sim.car.vehicle import Vehicle, VehicleSettings
 from wallride.sim.devices.vesc import MotorDemand
-from wallride.sim.figures.summary import Sample
+from wallride.sim.figures.summary import OF_THE_WALL, Sample
 from wallride.sim.live import command, drive_summary
 from wallride.sim.live.record import MAX_TRACK, Record, ThinnedTrack
 from wallride.sim.live.session import SimulatorSession
@@ -280,3 +280,16 @@ def test_a_disk_without_room_for_a_recording_is_told_before_the_drive(tmp_path, 
     command._say_first(told, tmp_path / "saved.toml", None, load_settings(None, chosen))
     said = f"wallride: nothing will be recorded: less than {keep_mb} MB of the disk are free\n"
     assert out.getvalue() == said * is_said
+
+
+def test_a_law_or_side_that_was_changed_is_said_and_errors_from_two_walls_are_left_out():
+    def changed(name, old, new, at_s=2.0):
+        return SettingChange(at_s, "", "vera", f"wall_follow.{name}", old, new)
+
+    changes = (changed("method", "ball", "report"), changed("kp", None, 1.5), changed("side", "left", "right", 3.0))
+    summary = drive_summary.summarize(Record(1.0, changes=changes), Settings())
+    assert (summary["method"], summary["side"]) == ("ball, then report", "left, then right")
+    assert not OF_THE_WALL & set(summary)
+    summary = drive_summary.summarize(Record(1.0, changes=changes[:2]), Settings())
+    assert summary["side"] == "left"
+    assert set(summary) >= OF_THE_WALL
