@@ -2,6 +2,7 @@
 
 import os
 import sys
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -24,7 +25,8 @@ def saved_settings(config: Path, environment: Mapping[str, str] = os.environ) ->
     """Return the user's file of differences that belongs to a settings file; it may not exist.
 
     The simulator starts from a file that is tracked by git or installed with the package, and never writes to it; the
-    next simulation reads the differences on top.
+    next simulation reads the differences on top. Two files of one name in different folders have one each.
     """
-    folder = Path(environment.get("XDG_CONFIG_HOME") or "~/.config").expanduser()
-    return folder / FOLDER / f"{config.stem}.toml"
+    folder, file = Path(environment.get("XDG_CONFIG_HOME") or "~/.config").expanduser(), config.resolve()
+    place = "" if file.parent == find_config().resolve().parent else f"-{zlib.crc32(str(file.parent).encode()):08x}"
+    return folder / FOLDER / f"{config.stem}{place}.toml"
