@@ -136,6 +136,11 @@ def test_uninstalling_keeps_settings_and_recordings_unless_told(root, purge, cap
 def test_a_program_that_the_service_could_not_see_is_refused(root, capsys):
     assert cli.main(["service", "install", "--root", str(root), "--prefix", "/home/ann/venv"]) == 2
     assert "install into /opt/wallride" in capsys.readouterr().err
+    assert cli.main(["service", "status", "--root", str(root), "--prefix", "/home/ann/venv"]) == 1
+    assert "running /opt/wallride/bin/wallride" in capsys.readouterr().out
+    assert service(root, "install", "--yes") == 0
+    assert cli.main(["service", "uninstall", "--root", str(root), "--prefix", "/home/ann/venv", "--yes"]) == 0
+    assert not (root / UNIT).exists()
 
 
 def test_an_ordinary_user_is_told_to_use_sudo(root, monkeypatch, capsys):

@@ -53,10 +53,11 @@ def _prefix(used: Path = Path("/opt/wallride"), here: Path = Path(sys.prefix)) -
 
 def run(options: argparse.Namespace) -> int:
     """Do it; exit code 2 with one line when the user can mend it."""
-    from wallride.service.parts import ServiceError
+    from wallride.service.parts import ServiceError, visible
 
     actions = {"install": _install, "uninstall": _uninstall, "status": _status}
     try:
+        options.prefix = visible(options.prefix, installs=options.action == "install")
         return actions[options.action](options)
     except ServiceError as error:
         return fail(str(error))

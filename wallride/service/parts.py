@@ -55,19 +55,22 @@ def shipped(name: str) -> Path:
     return found
 
 
-def unit_text(prefix: Path) -> str:
-    """Return the unit for the program in this prefix; ServiceError where the service could not see it."""
-    if any(prefix.is_relative_to(place) for place in HIDDEN):
+def visible(prefix: Path, *, installs: bool) -> Path:
+    """Return where the service's program is, for one that runs in a prefix; ServiceError to install an unseen one."""
+    if not any(prefix.is_relative_to(place) for place in HIDDEN):
+        return prefix
+    if installs:
         raise ServiceError(
             f"{prefix}: the service sees no home and no temporary folder;"
             f" install into {SHIPPED_PREFIX}: sudo sh install.sh"
         )
-    return shipped("systemd/wallride.service").read_text(encoding="utf-8").replace(SHIPPED_PREFIX, str(prefix))
+    return Path(SHIPPED_PREFIX)
 
 
 def parts(root: Path, prefix: Path) -> list[ServicePart]:
     """Return the parts in the order in which they are made. root: of the system, "/" for this one."""
-    unit, rules = unit_text(prefix), shipped("systemd/99-wallride.rules").read_text(encoding="utf-8")
+    unit = shipped("systemd/wallride.service").read_text(encoding="utf-8").replace(SHIPPED_PREFIX, str(prefix))
+    rules = shipped("systemd/99-wallride.rules").read_text(encoding="utf-8")
     car = shipped("config/car.toml").read_text(encoding="utf-8")
     return [
         _group(root, "dialout", "group dialout, which may use serial ports"),
