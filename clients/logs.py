@@ -14,7 +14,7 @@ from wallride.runtime.host.terminal_text import one_line
 from wallride.runtime.recording import requests
 from wallride.runtime.recording.file_summary import duration_s
 from wallride.runtime.recording.recover import RecoveryError, file_state, is_whole, recover
-from wallride.runtime.recording.ring import KEPT, MB, Entry, entries, file_named, folders, keep, parse, trim
+from wallride.runtime.recording.ring import ENDING, KEPT, MB, Entry, entries, file_named, folders, keep, parse, trim
 from wallride.runtime.settings.recording import recordings_folder
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
@@ -257,6 +257,8 @@ def _found(path: Path) -> Path:
     """Return the path of a recording that may be named as in the list."""
     if (found := file_named(path, recordings_folder(""))) is not None:
         return found
+    if path.is_dir():
+        raise ConnectionProblemError(f"{path}: is a folder; name its recordings, for example {path}/*{ENDING}")
     raise ConnectionProblemError(f"{path}: no such file here (wallride logs get brings it from the car)")
 
 

@@ -55,6 +55,8 @@ def parsed(assignments: Sequence[str]) -> dict[str, object]:
             raise ConnectionProblemError(f"{assignment}: write NAME=VALUE, for example wall_follow.kp=10")
         if any("\ud800" <= letter <= "\udfff" for letter in assignment):  # bytes of the terminal that are no UTF-8
             raise ConnectionProblemError(f"{assignment}: is not text in UTF-8")
+        if name.strip() in values:
+            raise ConnectionProblemError(f"{assignment}: {name.strip()} is given twice")
         values[name.strip()] = _value(text.strip())
     return values
 

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from wallride.clients.teleop.inputs import BUTTONS, Control, Inputs
+from wallride.runtime.host.text_file import TextFileError, read_text
 from wallride.runtime.wire.teleop import Input
 
 ALIASES = {
@@ -84,9 +85,9 @@ class Script:
 def load(path: Path) -> Script:
     """Load a script; ScriptError names the fault."""
     try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise ScriptError(f"{path}: is not a script: it is not text in UTF-8") from None
+        text = read_text(path)
+    except TextFileError as error:
+        raise ScriptError(f"{path}: is not a script: {error}") from None
     except OSError as error:
         raise ScriptError(f"{path}: cannot be read: {error.strerror or error}") from None
     try:

@@ -35,14 +35,14 @@ class PythonArchive:
 
 def read_archive(file: Path) -> PythonArchive:
     """Return what the name of an archive says; DeployError for another file."""
+    if not file.is_file():
+        raise DeployError(f"{file}: is not there")
     found = NAME.fullmatch(file.name)
     if found is None:
         raise DeployError(
             f"{file}: is no archive of python-build-standalone for Linux:"
             " cpython-3.12.N+DATE-MACHINE-unknown-linux-gnu-install_only.tar.gz"
         )
-    if not file.is_file():
-        raise DeployError(f"{file}: is not there")
     major, minor, micro = (int(number) for number in found.group(1, 2, 3))
     if (major, minor) < OLDEST_PYTHON:
         raise DeployError(f"{file}: is Python {major}.{minor}, and 3.11 or newer is needed")

@@ -65,6 +65,12 @@ def test_a_script_that_cannot_be_followed_is_named(tmp_path, name, text, words):
         load(path)
 
 
+def test_a_mark_at_the_beginning_is_no_part_of_a_script(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time_s,buttons\n0.0,manual\n", encoding="utf-8-sig")
+    load(path)
+
+
 def test_a_script_that_is_not_there(tmp_path):
     with pytest.raises(ScriptError, match="cannot be read"):
         load(tmp_path / "none.csv")
