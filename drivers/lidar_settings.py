@@ -2,15 +2,14 @@
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
 
 from wallride.drivers.address import parse_address
+from wallride.drivers.section import Section
 
 
-class ConnectedLidarSettings(BaseModel):
+class ConnectedLidarSettings(Section):
     """A lidar at an address. A kind of lidar gives the defaults and the limits that this class leaves open."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     address: str
     mounted_upside_down: Annotated[

@@ -1,10 +1,9 @@
 """Names for drivers of your own: what a driver is given, and what it delivers. See docs/your-own-driver.md."""
 
-from pydantic import BaseModel, ConfigDict
-
 from wallride.drivers.address import parse_address
 from wallride.drivers.api import Clock, Drive, Health, LinkLost, LinkState, MotorState, ProtocolError, Scan
 from wallride.drivers.link import ByteLink, open_link, until_lost
+from wallride.drivers.section import Section
 
 __all__ = [
     "ByteLink", "Clock", "Drive", "DriverSettings", "Health", "LinkLost", "LinkState", "MotorState", "ProtocolError",
@@ -12,7 +11,5 @@ __all__ = [
 ]  # fmt: skip
 
 
-class DriverSettings(BaseModel):
+class DriverSettings(Section):
     """Base class of a driver's settings: a pydantic model, closed to unknown keys; every key needs a default."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)

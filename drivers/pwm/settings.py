@@ -2,15 +2,15 @@
 
 from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from wallride.drivers.section import Section
 
 PulseUs = Annotated[float, Field(ge=800, le=2200)]
 
 
-class PwmSettings(BaseModel):
+class PwmSettings(Section):
     """Pulses in microseconds. The defaults are those of usual servos and ESCs, and have to be measured."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     throttle_channel: Annotated[int, Field(ge=0, le=23, description="Output with the ESC.")] = 0
     steering_channel: Annotated[int, Field(ge=0, le=23, description="Output with the steering servo.")] = 1

@@ -2,23 +2,22 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from wallride.drivers.address import TcpAddress, parse_address
+from wallride.drivers.section import Section
 
 LOOPBACK = frozenset({"127.0.0.1", "::1"})
 MISSED_POLLS_MIN = 3
 """Minimum number of missed polls before a link counts as lost."""
 
 
-class VescSettings(BaseModel):
+class VescSettings(Section):
     """A VESC 4 or 6 on USB; unknown keys and numbers outside their bounds are errors.
 
     There is no "invert" here on purpose: positive ERPM is forward. Where the car runs backwards, swap two motor
     phases or set the inversion inside the VESC, so that speed, distance and command agree everywhere.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     driver: Annotated[Literal["vesc"], Field(description="Type of the motor controller.")] = "vesc"
     address: Annotated[

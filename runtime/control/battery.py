@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from wallride.drivers.api import MotorState
-from wallride.runtime.settings_base import Section
+from wallride.drivers.section import Section
 
 LASTS_S: Final = 1.0
 """Time for which a voltage is low before it counts."""

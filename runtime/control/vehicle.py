@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from wallride.runtime.settings_base import Section
+from wallride.drivers.section import Section
 
 GRAVITY_MPS2 = 9.81
 NAME_RULE = "1 to 32 of a-z, 0-9, - and _, beginning with a letter or digit"

@@ -5,9 +5,9 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, ValidationInfo, field_validator
 
 from wallride.drivers.own import DriverSettings
+from wallride.drivers.section import Section
 from wallride.runtime.host.user_class import OWN_TAG, validated
 from wallride.runtime.own_drivers.driver_class import checked_name, known_driver
-from wallride.runtime.settings_base import Section
 
 OwnValues = Annotated[SerializeAsAny[DriverSettings], Field(validate_default=True)]
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, field_validator
+from pydantic import BaseModel, Discriminator, Field, Tag, field_validator
 
 from wallride.drivers.address import parse_address
 from wallride.drivers.auto.settings import AutoLidarSettings
@@ -11,6 +11,7 @@ from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.drivers.maestro.settings import MaestroSettings
 from wallride.drivers.pca9685.settings import Pca9685Settings
 from wallride.drivers.rplidar.settings import RplidarSettings
+from wallride.drivers.section import Section
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.drivers.ydlidar.settings import YdlidarSettings
 from wallride.runtime.host.user_class import OWN_TAG
@@ -19,10 +20,8 @@ from wallride.runtime.own_drivers.settings import OwnLidarSettings, OwnMotorSett
 from wallride.runtime.ros.graph import PUBLISHED
 
 
-class TopicLidarSettings(BaseModel):
+class TopicLidarSettings(Section):
     """Scans as sensor_msgs/LaserScan over zenoh, from ROS 2 through rmw_zenoh."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     driver: Literal["topic"] = "topic"
     """Type of the lidar."""

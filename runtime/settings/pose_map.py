@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from wallride.runtime.settings_base import Section
+from wallride.drivers.section import Section
 
 
 class PoseMapSettings(Section):

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
-from wallride.runtime.settings_base import Section
+from wallride.drivers.section import Section
 from wallride.runtime.wire.endpoints import check_listening
 from wallride.runtime.wire.router_config import check_routers
 

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, create_model
 
-from wallride.runtime.settings_base import Section
+from wallride.drivers.section import Section
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.rmw_zenoh import MAX_DOMAIN, Distro
 

@@ -16,6 +16,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.drivers.pwm.settings import PwmSettings
+from wallride.drivers.section import Section
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.arbitration.command import LAB_ORDER, Source
 from wallride.runtime.control.battery import BatterySettings
@@ -48,7 +49,6 @@ from wallride.runtime.settings.pose_map import PoseMapSettings
 from wallride.runtime.settings.recording import RecordingSettings
 from wallride.runtime.settings.session import ParameterSettings, SessionSettings
 from wallride.runtime.settings.telemetry import Ros2Settings, TelemetryRates
-from wallride.runtime.settings_base import Section
 from wallride.runtime.wire.rmw_zenoh import ROS2_PLANNER, RosGraph, node_name
 
 _TAGS = TAGS | DRIVER_TAGS

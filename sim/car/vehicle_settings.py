@@ -2,13 +2,15 @@
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from wallride.drivers.section import Section
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
-class VehicleSettings(BaseModel):
+class VehicleSettings(Section):
     """A 1/10-scale four-wheel-drive car (f1tenth_gym `f110_env.py` for mass, axles, inertia, tyres).
 
     cornering_*: lateral force per slip angle as a multiple of grip times load; the tyre saturates at the grip.
@@ -23,8 +25,6 @@ class VehicleSettings(BaseModel):
         2.7 mNm/A; 4614 erpm per m/s and 2 pole pairs are 242 rad per metre, so 0.66 N/A: 46 A lock the wheels.
     wheel_mass_kg: inertia of all wheels and the motor as a mass at the tread: how fast a braked wheel locks.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     wheelbase_m: Positive = 0.33
     rear_axle_to_cg_m: Positive = 0.17145

@@ -2,20 +2,19 @@
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from wallride.drivers.section import Section
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.settings.devices import AnyMotorSettings
 
 
-class WiringErrors(BaseModel):
+class WiringErrors(Section):
     """True values of a car whose settings say something else; by default they are right.
 
     speed_gain_share: ERPM per m/s over the configured one. servo_offset: servo position straight ahead, less the
     configured one. servo_gain_share: servo position per rad over the configured one.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     speed_gain_share: Annotated[float, Field(ge=0.3, le=3)] = 1.0
     servo_offset: Annotated[float, Field(ge=-0.3, le=0.3)] = 0.0

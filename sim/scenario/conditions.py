@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
+from pydantic import ValidationError, field_validator
 
+from wallride.drivers.section import Section
 from wallride.runtime.host.text_file import read_text
 from wallride.runtime.settings.tree import read_value
 from wallride.sim.car.vehicle_settings import VehicleSettings
@@ -37,13 +38,11 @@ class ConditionsError(ValueError):
     """Invalid conditions; the text names the key and the remedy."""
 
 
-class Conditions(BaseModel):
+class Conditions(Section):
     """Conditions at the start of a drive.
 
     wiring: errors of the car's settings. obstacles: texts as of `wallride.sim.scenario.obstacle_text`.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     vehicle: VehicleSettings = VehicleSettings()
     lidar: LidarSettings = LidarSettings()

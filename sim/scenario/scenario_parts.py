@@ -5,8 +5,9 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from wallride.drivers.section import Section
 from wallride.sim.scenario.obstacle_text import BOX_M, RADIUS_M
 from wallride.sim.world.obstacles import Box, ConstantMotion, Obstacle, Round, StandingObstacle, SuddenObstacle
 from wallride.sim.world.pose import Floats, Pose
@@ -31,10 +32,8 @@ OF_FAULT: Mapping[str, tuple[str, ...]] = {
 """Keys of the faults besides their times."""
 
 
-class ScenarioTable(BaseModel):
+class ScenarioTable(Section):
     """A table of a scenario's file: an unknown key is an error."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class ScenarioStart(ScenarioTable):

@@ -13,8 +13,9 @@ from typing import Annotated, Self
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from wallride.drivers.section import Section
 from wallride.sim.world.own_parts import OWN_PARTS, profile, seen_with_parts
 from wallride.sim.world.place import Surroundings
 from wallride.sim.world.pose import STANDING, Booleans, Floats, Pose, Twist
@@ -28,7 +29,7 @@ SELF_RETURN_BEAMS = 19
 _TURN_DEG = 360.0
 
 
-class LidarSettings(BaseModel):
+class LidarSettings(Section):
     """Mount, scan pattern and faults of the lidar.
 
     mount_x_m, mount_y_m: its position ahead of the rear axle and left of the middle line. mount_yaw_rad: turned to the
@@ -43,8 +44,6 @@ class LidarSettings(BaseModel):
         `wallride.sim.world.own_parts`, which hide what is behind them.
     motion_skew: each beam is measured at its own moment of the sweep; off: all at its end.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     mount_x_m: Annotated[float, Field(ge=-1, le=1)] = 0.27
     mount_y_m: Annotated[float, Field(ge=-1, le=1)] = 0.0

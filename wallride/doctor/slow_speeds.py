@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
+from wallride.drivers.section import Section
 from wallride.runtime.settings.tree import Settings
-from wallride.runtime.settings_base import Section
 
 SPEEDS = (
     "wall_follow.speed_mps", "safety.creep_mps", "safety.slowest_mps", "safety.doubtful_mps", "safety.reverse_mps",

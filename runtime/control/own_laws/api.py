@@ -10,8 +10,8 @@ from typing import Literal
 
 import numpy as np
 
+from wallride.drivers.section import Section
 from wallride.runtime.control.perception.geometry import Floats
-from wallride.runtime.settings_base import Section
 
 
 class LawSettings(Section):

@@ -4,10 +4,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, ValidationInfo, field_validator
 
+from wallride.drivers.section import Section
 from wallride.runtime.control.own_laws.api import LawSettings
 from wallride.runtime.control.own_laws.law_class import OWN_TAG, checked_name, known_law
 from wallride.runtime.host.user_class import validated
-from wallride.runtime.settings_base import Section
 
 MIN_BUDGET_S, MAX_BUDGET_S = 0.0005, 0.02
 

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from wallride.runtime.settings_base import Section
+from wallride.drivers.section import Section
 
 
 class ReportFollowSettings(Section):

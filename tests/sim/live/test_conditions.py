@@ -17,6 +17,7 @@ from wallride.sim.scenario.conditions import (
     Conditions,
     ConditionsError,
     RequestedConditions,
+    checked_conditions,
     conditions_of,
     own_parts_kinds,
 )
@@ -241,3 +242,9 @@ def test_the_same_conditions_and_seed_give_the_same_scans():
 def test_an_unknown_condition_is_answered_with_the_nearest(wrong, said):
     with pytest.raises(ConditionsError, match=re.escape(said)):
         conditions_of(RequestedConditions(assignments=[wrong]))
+
+
+@pytest.mark.parametrize("tree", [{"vehicle": {"mass_kg": True}}, {"lidar": {"outlier_share": "0.1"}}])
+def test_a_condition_of_another_kind_is_refused(tree):
+    with pytest.raises(ConditionsError, match="input should be a valid number, without quotes"):
+        checked_conditions(tree)

@@ -1,6 +1,6 @@
-"""The base class of every section of settings: frozen and closed.
+"""The base class of every section of settings, of car and simulator: frozen, closed, and exact.
 
-Declared beside its reader, composed in `settings`.
+Declared beside its reader, composed in `runtime.settings` and `sim.scenario`.
 """
 
 from typing import Any
