@@ -1,5 +1,1 @@
-"""`wallride calibrate`: drives a car through short ways as an operator does, and proposes settings from what it saw.
-
-Read in this order: `ways` (what is driven), `link` (the car over the network), `steps` (what each step drives and
-estimates), `command`.
-"""
+"""`wallride calibrate`: drives short ways, and proposes settings from what it saw. Read `ways`, `link`, `steps`."""

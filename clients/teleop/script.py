@@ -1,18 +1,4 @@
-"""Operator's inputs from a file: for tests and demonstrations. Pure apart from reading the file.
-
-CSV with a head line:          or TOML:
-
-    time_s,buttons,speed,steering    [[step]]
-    0.0,,0,0                         time_s = 0.5
-    0.5,manual,0,0                   buttons = ["manual"]
-    0.6,manual,0.5,0.2               speed = 0.5
-    3.0,,0,0                         steering = 0.2
-
-A step holds until the next; the script ends at its last one. Buttons (several with + in CSV): manual autonomy estop
-reset take_over, or LB RB B START Y. Sticks run from -1 to 1, positive forward and to the left. Time 0 is when the car
-is ready for the first time, or says why it is not: latched, or has another operator. The deadman must be pressed
-with the sticks centred, like on any device.
-"""
+"""Operator's inputs from a file (docs/driving.md), for tests and demonstrations. Pure apart from reading the file."""
 
 import csv
 import math

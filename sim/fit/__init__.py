@@ -1,5 +1,1 @@
-"""Parameters of a real car, estimated from its recordings, as conditions for the simulator.
-
-Read in this order: `drive` (what the cars did, by their scans), `responses` (delay and rate of an effect), `steering`
-with `yaw_lag`, `driving`, `sensor` (the fits), `estimate` (the result), `command`.
-"""
+"""A real car's parameters, for the simulator. Read `drive`, `steering`, `driving`, `sensor`, `estimate`, `command`."""

@@ -1,5 +1,1 @@
-"""`wallride lab races`: laps on the maps of courses.
-
-Read in this order: `mapped_lap` (the map of a course), `race_cell` (one race), `boxes` (what may stand in its way),
-`race_table`, `command`.
-"""
+"""`wallride lab races`: laps on maps of courses. Read `mapped_lap`, `race_cell`, `boxes`, `race_table`, `command`."""

@@ -1,34 +1,4 @@
-"""A scenario's file: read, checked, and made into a world with a car in it. Mistakes have file and line.
-
-description = "A box appears before the car"
-world = "corridor"            # a built-in world, "track:seed=7", a map's .yaml beside the file, or "empty"
-duration_s = 8.0
-seed = 1
-own_parts = "posts"           # parts of the car that its lidar sees
-
-[start]                       # the world's own without it
-distance_m = 1.0
-toward_deg = 10.0
-
-[settings]                    # of the car
-wall_follow.speed_mps = 2.0
-
-[vehicle]                     # the simulated car and its floor; [lidar] likewise
-grip_mu = 0.8
-
-[[obstacle]]
-kind = "box"
-ahead_m = 0.9
-after_s = 4.0
-
-[[fault]]
-kind = "lidar lost"
-after_s = 6.0
-
-[[expect]]
-stands_within_s = 0.6
-after_s = 4.0
-"""
+"""A scenario's file (docs/scenarios.md), made into a world with a car in it. Mistakes have file and line."""
 
 import json
 import math
@@ -142,14 +112,12 @@ def load_scenario(path: Path, config: Path | None = None, assignments: Sequence[
 
 
 def _names_in(tree: object) -> set[str]:
-    """Return all keys of a tree."""
     if isinstance(tree, Mapping):
         return {str(key) for key in tree} | {name for value in tree.values() for name in _names_in(value)}
     return {name for value in tree for name in _names_in(value)} if isinstance(tree, list) else set()
 
 
 def _sentence(error: Mapping[str, Any]) -> str:
-    """Return one pydantic error in words."""
     key = ".".join(str(part) for part in error["loc"] if not isinstance(part, int) and "[" not in str(part))
     message = str(error["msg"]).removeprefix("Value error, ")
     if error["type"] == "extra_forbidden":
@@ -208,7 +176,6 @@ def _conditions(text: TomlText, content: ScenarioContent) -> Conditions:
 
 
 def _world(text: TomlText, content: ScenarioContent, settings: Settings) -> World:
-    """Return the world with the scenario's walls."""
     side, walls = settings.wall_follow.side, [wall.segments_m() for wall in content.wall]
     if content.world == EMPTY:
         if not walls or content.start.at is None:

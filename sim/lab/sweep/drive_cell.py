@@ -1,16 +1,4 @@
-"""One drive as a value: world, law, settings, conditions, seed. It can be pickled, is JSON, and has a stable key.
-
-The names of its values are those of a sweep's file:
-
-    world, law, side, seed      as of the other commands; law "report+none" drives without safety
-    config                      settings file below everything else
-    duration_s, way_m           end of the drive, unless it ends at a contact; standing_s: after this standstill
-    start.distance_m            from the followed wall; start.toward_deg: turned towards it
-    latency_s                   from a scan's last byte to the motor's wire
-    vehicle.*, lidar.*          conditions of the simulated car and its lidar
-    obstacles                   texts as of `wallride.sim.scenario.obstacle_text`
-    wall_follow.kp, ...         any setting of the car
-"""
+"""One drive as a value, by the names of docs/sweeps.md. It can be pickled, is JSON, and has a stable key."""
 
 import hashlib
 import json
@@ -179,7 +167,6 @@ def start_of(cell: DriveCell, world: World) -> Pose | None:
 
 
 def _settings(cell: DriveCell) -> Settings:
-    """Return the settings of the car."""
     config = cell.get("config")
     for name in ("law", "config"):
         if not isinstance(cell.get(name, ""), str):
@@ -245,7 +232,6 @@ def _texts(value: Any) -> tuple[Any, ...]:  # noqa: ANN401 - whatever stood in t
 
 
 def _law_assignments(law: str | None) -> list[str]:
-    """Return the settings that choose a law."""
     if law is None:
         return []
     follower, _, guard = check(law).partition("+")
@@ -256,7 +242,6 @@ def _law_assignments(law: str | None) -> list[str]:
 
 
 def _assignments(cell: DriveCell) -> list[str]:
-    """Return the settings of the car among the values."""
     side = [f"wall_follow.side={cell.get('side')}"] if cell.get("side") else []
     return side + [
         f"{name}={json.dumps(value)}"

@@ -1,17 +1,4 @@
-"""A sweep's file: what all runs share, a grid, random values; and the cells that it stands for.
-
-    world = "straight"                               # shared by all runs: names of `wallride.sim.lab.sweep.drive_cell`
-    wall_follow.speed_mps = 2.0
-    seeds = 20                                       # 0 to 19, or a list
-
-    [grid]                                           # every combination
-    law = ["ball", "report"]
-
-    [random]                                         # the same 50 for every combination
-    runs = 50
-    seed = 7
-    vehicle.grip_mu = { from = 0.5, to = 1.0 }       # log = true: evenly over magnitudes; whole = true: integers
-    start.distance_m = [0.5, 1.0, 1.5]               # one of them
+"""A sweep's file (docs/sweeps.md): what all runs share, a grid, random values; and its cells.
 
 Each value of [random] has a generator of its own: another value beside it, or more runs, change none that were there.
 """
@@ -64,7 +51,6 @@ class SweepPlan:
             raise self.text.mistake(self._place(mistake.name), str(mistake)) from None
 
     def _place(self, name: str) -> KeyPath:
-        """Return where a name's value is given."""
         path = tuple(name.split("."))
         table = GRID if name in self.varied else RANDOM if name in self.sampled else None
         if name == "seed" and (SEEDS,) in self.text.lines:
@@ -73,10 +59,7 @@ class SweepPlan:
 
 
 def read_plan(path: Path, shared: Mapping[str, Any] | None = None) -> SweepPlan:
-    """Return the plan of a file; FileMistakeError names the line that is wrong.
-
-    shared: values for all runs besides the file's own. Own laws are also looked for beside the file.
-    """
+    """Return a file's plan; FileMistakeError names the line. shared: values for all runs. Own laws: also beside it."""
     text = read_toml(path)
     if not text.tree:
         raise text.mistake((), "declares nothing; docs/sweeps.md has a sweep to start from")
@@ -199,7 +182,6 @@ def _whole(text: TomlText, table: Mapping[str, Any], name: str, least: int) -> i
 
 
 def _samples(text: TomlText, name: str, value: object, runs: int, seed: int) -> list[Any]:
-    """Return one value per random run."""
     place = (RANDOM, *name.split("."))
     random = np.random.default_rng([seed, int(digest(name), 16)])
     shares = random.random(runs)
