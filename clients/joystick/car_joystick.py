@@ -4,9 +4,9 @@ import logging
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Final, Never, Protocol
+from typing import Final, Never
 
-from wallride.clients.teleop.gamepad import Happening
+from wallride.clients.joystick.devices import LinuxPads
 from wallride.clients.teleop.pads import Layout
 from wallride.clients.teleop.pilot import Pilot
 from wallride.clients.teleop.shaping import InputShape
@@ -20,18 +20,6 @@ GONE_S: Final = 0.5
 """How long a pad that is gone is reported; then the desk loses this operator, and another one may drive."""
 
 
-class WatchedPads(Protocol):
-    """Pads that come and go."""
-
-    def poll(self) -> list[Happening]:
-        """Return what happened since the last call; never waits."""
-        ...
-
-    async def watch(self) -> Never:
-        """Look for pads that come, for ever."""
-        ...
-
-
 class CarJoystick:
     """A `wallride.runtime.teleop.local_operator.LocalOperator`: without a pad it says nothing, and needs nothing.
 
@@ -39,7 +27,7 @@ class CarJoystick:
     """
 
     def __init__(
-        self, pads: WatchedPads, session: int, shape: InputShape, own: Mapping[str, Layout] = MappingProxyType({})
+        self, pads: LinuxPads, session: int, shape: InputShape, own: Mapping[str, Layout] = MappingProxyType({})
     ) -> None:
         self._pads = pads
         self._source = PadSource(pads, own)

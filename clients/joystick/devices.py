@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, Never, Protocol
+from typing import Final, Never
 
 from wallride.clients.joystick.evdev import ABS_HAT3Y, EV_ABS, EV_KEY, RECORD, EventReader, PadDescription
 from wallride.clients.teleop.gamepad import Gone, Happening, PadConnected, PadMoved
@@ -33,24 +33,6 @@ _READ, _WRITE, _KIND = 2 << 30, 1 << 30, ord("E") << 8
 
 def _request(direction: int, number: int, size: int) -> int:
     return direction | size << 16 | _KIND | number
-
-
-class PadDevice(Protocol):
-    """One opened gamepad."""
-
-    description: PadDescription
-
-    def read(self) -> bytes:
-        """Return the records that are there, b"" without any; OSError once the device is gone."""
-        ...
-
-    def state(self) -> Sequence[tuple[int, int, int]]:
-        """Return type, code and value of every control now; OSError once the device is gone."""
-        ...
-
-    def close(self) -> None:
-        """Close it."""
-        ...
 
 
 class EvdevDevice:
@@ -108,7 +90,7 @@ def _bits(raw: bytes) -> list[int]:
 @dataclass(slots=True)
 class _OpenPad:
     path: Path
-    device: PadDevice
+    device: EvdevDevice
     reader: EventReader
 
 
@@ -128,7 +110,7 @@ class LinuxPads:
     """
 
     folder: Path = FOLDER
-    open_device: Callable[[Path], PadDevice] = EvdevDevice
+    open_device: Callable[[Path], EvdevDevice] = EvdevDevice
     _pads: dict[int, _OpenPad] = field(default_factory=dict)
     _seen: dict[Path, _Node] = field(default_factory=dict)
     _happened: list[Happening] = field(default_factory=list)
@@ -154,9 +136,9 @@ class LinuxPads:
             self._seen.setdefault(path, _Node(number))
         return [path for path, node in self._seen.items() if path not in held and node.tries < MAX_TRIES]
 
-    def open_all(self, paths: Sequence[Path]) -> list[tuple[Path, PadDevice | None]]:
+    def open_all(self, paths: Sequence[Path]) -> list[tuple[Path, EvdevDevice | None]]:
         """Open files, in a thread; None for one that could not be opened."""
-        opened: list[tuple[Path, PadDevice | None]] = []
+        opened: list[tuple[Path, EvdevDevice | None]] = []
         for path in paths:
             try:
                 opened.append((path, self.open_device(path)))
@@ -165,7 +147,7 @@ class LinuxPads:
                 opened.append((path, None))
         return opened
 
-    def adopt(self, path: Path, device: PadDevice | None) -> None:
+    def adopt(self, path: Path, device: EvdevDevice | None) -> None:
         """Take in what was opened; a device that is no gamepad is closed and not tried again."""
         node = self._seen.get(path)
         if node is not None:
@@ -206,6 +188,6 @@ class LinuxPads:
         return happened
 
     @staticmethod
-    def _whole_state(device: PadDevice, reader: EventReader) -> list[Event]:
+    def _whole_state(device: EvdevDevice, reader: EventReader) -> list[Event]:
         events = (reader.event(*control) for control in device.state())
         return [event for event in events if event is not None]

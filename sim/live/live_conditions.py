@@ -8,13 +8,13 @@ import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.network import RefusedError
 from wallride.sim.car.vehicle import Vehicle
+from wallride.sim.live.scenes import WorldScene
 from wallride.sim.scenario.conditions import Conditions, own_parts_fields, own_parts_kinds, own_parts_of
-from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.obstacles import LIDAR_AHEAD_M, ConstantMotion, Obstacle, Round, StandingObstacle, sudden_box
 
 BOX_AHEAD_M = 1.0
@@ -25,20 +25,6 @@ NOISES_M = (0.0, 0.01, 0.02, 0.03, 0.05)
 SHARES = (0.0, 0.05, 0.1, 0.2, 0.4, 0.64)
 TRIMS_RAD = (-0.06, -0.04, -0.02, 0.0, 0.02, 0.04, 0.06)
 DELAYS_S = (0.0, 0.02, 0.04, 0.06, 0.1)
-
-
-class Surface(Protocol):
-    """Part of a scene that can be changed during the drive."""
-
-    lidar: LidarSettings
-
-    def put(self, obstacle: Obstacle) -> None:
-        """Add an obstacle, which appears at its time."""
-        ...
-
-    def clear(self) -> None:
-        """Remove all obstacles."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +59,7 @@ KEYS: Mapping[str, str] = {action.key: action.name for action in ACTIONS}
 class LiveConditions:
     """Changes the conditions of a drive. at_start: the initial ones. done: number of actions."""
 
-    def __init__(self, vehicle: Vehicle, surface: Surface, at_start: Conditions) -> None:
+    def __init__(self, vehicle: Vehicle, surface: WorldScene, at_start: Conditions) -> None:
         self._vehicle = vehicle
         self._surface = surface
         self._dirt = at_start.lidar.dirty_sectors or (DIRT,)

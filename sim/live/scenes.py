@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from wallride.drivers.api import ProtocolError
 from wallride.drivers.hokuyo.replies import SensorParameters
@@ -13,7 +14,6 @@ from wallride.sim.devices.scip_encode import UST_10LX, SensorModel
 from wallride.sim.devices.turning import Rays, TurningDevice
 from wallride.sim.figures.comparison import ComparedSteering, drove, recorded_answers
 from wallride.sim.figures.summary import Sample
-from wallride.sim.live.session import Ranges
 from wallride.sim.recordings.recording import SCIP_MAX_MM, Recording, RecordingError, to_sensor_mm
 from wallride.sim.world.beams import LidarSettings, scan, sector
 from wallride.sim.world.lap import LapCounter
@@ -22,6 +22,7 @@ from wallride.sim.world.obstacles import ObstacleWorld as Surroundings
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import Floats, Pose, Side, Twist
 
+Ranges = npt.NDArray[np.int64]
 AFTER_CRASH_S = 0.5
 AFTER_LAPS_S = 1.0
 """Time for which the car goes on after its laps: it counts its own, and tells of the last one a little later."""

@@ -8,10 +8,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, Self
-
-import numpy as np
-import numpy.typing as npt
+from typing import Self
 
 from wallride.drivers.maestro.settings import MaestroSettings
 from wallride.drivers.pca9685.settings import Pca9685Settings
@@ -28,17 +25,15 @@ from wallride.sim.car.vehicle import Vehicle
 from wallride.sim.devices.own import OwnLidarEmulator, OwnMotorEmulator, emulator_of
 from wallride.sim.devices.pulse_boards import PulseBoard, start_board
 from wallride.sim.devices.scip import ScipEmulator
-from wallride.sim.devices.scip_encode import SensorModel
-from wallride.sim.devices.turning import Rays, TurningDevice, TurningEmulator
+from wallride.sim.devices.turning import TurningEmulator
 from wallride.sim.devices.vesc import MotorDemand, VescEmulator
-from wallride.sim.figures.summary import Sample
 from wallride.sim.live.listener import Listener
 from wallride.sim.live.live_conditions import LiveConditions
 from wallride.sim.live.record import Record
 from wallride.sim.live.runtime_process import RuntimeProcess, WallrideProcess, cpu_s_of
+from wallride.sim.live.scenes import Ranges, RecordingScene, WorldScene
 from wallride.sim.live.stop_request import StopRequest
 from wallride.sim.live.user_code import NO_USER_CODE, UserCode
-from wallride.sim.world.pose import Pose
 
 FAREWELL = "farewell"
 BRAKE, MOVES_MPS = "brake", 0.3
@@ -56,7 +51,6 @@ HEARD_WITHIN_S = 3.0
 STAMP_MS = 1 << 24
 """SCIP stamps are 24 bits of milliseconds and wrap."""
 
-Ranges = npt.NDArray[np.int64]
 TurningLidar = TurningEmulator | OwnLidarEmulator
 EmulatedLidar = ScipEmulator | TurningLidar
 EmulatedMotor = VescEmulator | PulseBoard | OwnMotorEmulator
@@ -86,51 +80,6 @@ class RuntimeStart:
     listen: Sequence[str] = ()
 
 
-class LidarScene(Protocol):
-    """View of the lidar: a world with the car in it, or a recording. Times are seconds since the drive began."""
-
-    @property
-    def model(self) -> SensorModel:
-        """Return the model of the sensor."""
-        ...
-
-    @property
-    def back_to(self) -> Pose | None:
-        """Return where a car that hit something is put; None: it stays there."""
-        ...
-
-    @property
-    def turning(self) -> TurningDevice | OwnLidarEmulator | None:
-        """Return the lidar of a full circle in place of the Hokuyo, if any."""
-        ...
-
-    def see(self, vehicle: Vehicle, rays: Rays) -> Ranges:
-        """Return what a lidar of a full circle measures now, mm."""
-        ...
-
-    def step(self, time_s: float, vehicle: Vehicle) -> bool:
-        """Observe the car now; True when it touches something."""
-        ...
-
-    def sample(self, time_s: float, vehicle: Vehicle) -> Sample:
-        """Return the truth about the car now."""
-        ...
-
-    def scan(self, time_s: float, vehicle: Vehicle) -> tuple[Ranges, int] | None:
-        """Return ranges [mm] and stamp [ms] of the next scan if one is due, else None."""
-        ...
-
-    @property
-    def finished(self) -> bool:
-        """Return whether the drive has ended: laps done, recording played, car crashed."""
-        ...
-
-    @property
-    def ending(self) -> str:
-        """Return why the drive has ended, as words after "the drive ended: "."""
-        ...
-
-
 AGAIN_S = 3.0
 """Maximum time after which a car that hit something is put back."""
 
@@ -145,8 +94,8 @@ class SimulatorSession:
     """
 
     def __init__(
-        self, scene: LidarScene, vehicle: Vehicle, wiring: VescSettings, *, desired_m: float = math.nan,
-        watched: bool = False, changes: LiveConditions | None = None,
+        self, scene: WorldScene | RecordingScene, vehicle: Vehicle, wiring: VescSettings, *,
+        desired_m: float = math.nan, watched: bool = False, changes: LiveConditions | None = None,
         on_devices: Callable[[ScipEmulator, VescEmulator], None] = lambda _scip, _vesc: None,
         user_code: UserCode = NO_USER_CODE,
     ) -> None:  # fmt: skip
@@ -374,7 +323,7 @@ class SimulatorSession:
         record.stop_command = demand
 
 
-def last_words(scene: LidarScene, duration_s: float, *, asked: bool) -> str:
+def last_words(scene: WorldScene | RecordingScene, duration_s: float, *, asked: bool) -> str:
     """Return what the page beside a drive shows after its end. asked: whether the end was requested."""
     by_time = "it was stopped in its terminal" if asked else f"its {duration_s:g} s are over"
     return f"The drive ended: {scene.ending if scene.finished else by_time}. Start another: make sim."

@@ -9,17 +9,19 @@ from wallride.clients.monitor.messages import Ask, BadMessageError, read
 from wallride.runtime.wire import topics
 from wallride.sim.car.vehicle import Vehicle
 from wallride.sim.live.live_conditions import LiveConditions
+from wallride.sim.live.scenes import WorldScene
 from wallride.sim.scenario.conditions import Conditions
 from wallride.sim.world.beams import LidarSettings
+from wallride.sim.world.worlds import load_world
 
 SHOWN = "!document.querySelector('#simulator').hidden"
 
 
-class Surface:
+class Surface(WorldScene):
     """A scene that only remembers what was put into it."""
 
     def __init__(self):
-        self.lidar = LidarSettings()
+        super().__init__(load_world("straight"), "left", LidarSettings(), None, 0)
         self.things = []
 
     def put(self, obstacle):
