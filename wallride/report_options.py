@@ -28,7 +28,7 @@ def add(commands: Commands) -> None:
         metavar="FILE",
         help="summary of `wallride sim --json`: true position beside the estimated one",
     )
-    report.set_defaults(run=_report)
+    report.set_defaults(run=partial(replay_options.run_offline, "wallride.sim.run_report.command"))
     plot = commands.add_parser(
         "plot", help="draw topics live in this terminal", description="Needs a terminal only, for example over ssh."
     )
@@ -46,10 +46,6 @@ def add(commands: Commands) -> None:
     plot.add_argument("--once", action="store_true", help="listen for that time, draw once and exit")
     client_options.add_common(plot)
     plot.set_defaults(run=_plot, print_line=partial(print, flush=True))
-
-
-def _report(options: argparse.Namespace) -> int:
-    return replay_options.run_offline("wallride.sim.run_report.command", options)
 
 
 def _plot(options: argparse.Namespace) -> int:

@@ -121,7 +121,7 @@ class KeyFolder:
                 _store(place, person.name, pair)
                 _write(place, AUTHORITY, (self.path / AUTHORITY).read_bytes(), 0o644)
                 _give_to_caller(place)
-            entry = AccessEntry(person, expires=_day_after(now, days))
+            entry = AccessEntry(person, expires=date.fromordinal(now.date().toordinal() + days))
             self._write_people((*others, entry))  # last: unlisted keys give no access
             return entry
 
@@ -190,10 +190,6 @@ def names_of_car(car: str, more: Sequence[str]) -> list[str]:
     host = socket.gethostname().split(".")[0].lower()
     hosts = [host, f"{host}.local"] if _HOST_FORM.fullmatch(host) else []
     return list(dict.fromkeys([car, f"{car}.local", *hosts, "localhost", "127.0.0.1", *more]))
-
-
-def _day_after(now: datetime, days: int) -> date:
-    return date.fromordinal(now.date().toordinal() + days)
 
 
 @contextlib.contextmanager

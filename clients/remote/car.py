@@ -83,7 +83,7 @@ class RemoteCar:
 
     def __init__(self, options: argparse.Namespace, operator: str | None = None) -> None:
         self._options = options
-        self._operator = operator or _own_name()
+        self._operator = operator or f"{user_name('script')}@{socket.gethostname().split('.')[0]}"
         self._thread = LoopThread()
         self._streams: dict[str, list[Stream[Any]]] = {}
         self._is_played = False
@@ -261,7 +261,3 @@ def connect(
     if not isinstance(options.connect, str) or not isinstance(car, str | None):
         raise ConnectionProblemError(f'car={car!r}, at={at!r}: both are text, e.g. connect("car1", at="{DEFAULT_AT}")')
     return RemoteCar(options, name)
-
-
-def _own_name() -> str:
-    return f"{user_name('script')}@{socket.gethostname().split('.')[0]}"

@@ -42,7 +42,8 @@ class Advice:
 def advise(now: PilotState, names: Mapping[Control, str] = PAD_NAMES, *, by_keys: bool = False) -> Advice:
     """Return the advice. names: labels of this device's buttons. by_keys: whether certificates say who may drive."""
     if now.stop_pending:
-        return Advice(AdviceLevel.STOPPED, "E-STOP", "sending the e-stop until the car confirms it" + _link_note(now))
+        link = "" if now.linked else f"; {_link_lost(now)}"
+        return Advice(AdviceLevel.STOPPED, "E-STOP", "sending the e-stop until the car confirms it" + link)
     if now.block is not DeadmanFault.NONE:
         return _blocked(now, names, by_keys=by_keys)
     if now.flags in {Press.RESET, Press.TAKE_OVER}:
@@ -108,11 +109,8 @@ def _armed(now: PilotState, names: Mapping[Control, str], *, by_keys: bool) -> A
         return Advice(
             AdviceLevel.STOPPED, "motor fault", f"hold {names[Control.RESET]} for 1 s to clear it{_progress(now)}"
         )
-    return Advice(AdviceLevel.WAITING, "ready", _stands(now) + _ways_on(names))
-
-
-def _ways_on(names: Mapping[Control, str]) -> str:
-    return f"hold {names[Control.MANUAL]} to drive, {names[Control.AUTONOMY]} to permit autonomy"
+    ways_on = f"hold {names[Control.MANUAL]} to drive, {names[Control.AUTONOMY]} to permit autonomy"
+    return Advice(AdviceLevel.WAITING, "ready", _stands(now) + ways_on)
 
 
 def _stands(now: PilotState) -> str:
@@ -151,10 +149,6 @@ def _reset(now: PilotState, names: Mapping[Control, str]) -> str:
 
 def _progress(now: PilotState) -> str:
     return f" ({now.progress:.0%})" if now.holding is not None else ""
-
-
-def _link_note(now: PilotState) -> str:
-    return "" if now.linked else f"; {_link_lost(now)}"
 
 
 def _link_lost(now: PilotState) -> str:

@@ -66,14 +66,17 @@ def lines(car: str, now: PilotState, advice: Advice, news: CarState, names: Mapp
     beat = now.beat
     measured_mps = beat.speed_mps if beat is not None else math.nan
     others = max(0, len(news.operators) - 1)
+    round_trip_s = now.round_trip_s if now.mine else now.link_s  # of our commands, else of a question
+    volts = "-" if news.voltage_v is None else f"{news.voltage_v:.1f} V"
+    permit = "given" if beat is not None and CarCondition.PERMITTED in beat.flags else "not given"
     rows = [
         f"{advice.state}   {advice.next_step}",
         f"{car}: {_why(news)}" if now.linked else f"{car}: not heard",
         f"speed {measured_mps:+.2f} m/s   wished {now.wanted_mps:+.2f} m/s, {steering_words(now.wanted_rad)}",
         f"operator: {_operator(now)}" + (f"   {others} more connected" if others else ""),
         (
-            f"link: beat {_milliseconds(now.beat_age_s)} ago, round trip {_milliseconds(_round_trip_s(now))}"
-            f"   battery {_volts(news.voltage_v)}   permit {_permit(now)}"
+            f"link: beat {_milliseconds(now.beat_age_s)} ago, round trip {_milliseconds(round_trip_s)}"
+            f"   battery {volts}   permit {permit}"
         ),
         f"input: {now.inputs.device or 'none'}" + (f"   {now.inputs.trouble}" if now.inputs.trouble else ""),
         (
@@ -120,11 +123,6 @@ class Screen:
                 self._live.stop()
 
 
-def _round_trip_s(now: PilotState) -> float:
-    """Return the round trip of our commands while we operate, else that of a question."""
-    return now.round_trip_s if now.mine else now.link_s
-
-
 def _why(news: CarState) -> str:
     if not news.reason:
         return "no status yet"
@@ -140,16 +138,8 @@ def _operator(now: PilotState) -> str:
     return name or "not operated"
 
 
-def _permit(now: PilotState) -> str:
-    return "given" if now.beat is not None and CarCondition.PERMITTED in now.beat.flags else "not given"
-
-
 def _milliseconds(seconds: float) -> str:
     return f"{seconds * 1000:.0f} ms" if math.isfinite(seconds) else "-"
-
-
-def _volts(voltage_v: float | None) -> str:
-    return "-" if voltage_v is None else f"{voltage_v:.1f} V"
 
 
 def _number(value: Any) -> float | None:  # noqa: ANN401 - whatever JSON holds

@@ -153,7 +153,7 @@ class PadSource:
             self._take(happening, now_s)
         if self._pad is None:
             self._adopt()
-            if (trouble := self._absence()) != self._away.trouble:
+            if (trouble := "; ".join(self._unusable.values()) or PLUG_IN) != self._away.trouble:
                 self._away = replace(self._away, trouble=trouble)
             return self._away
         return self._read()
@@ -195,9 +195,6 @@ class PadSource:
             stick = self._layout.bindings[Control.SPEED].index
             self._mode = ModeWatch(stick) if usb in FAMILY else None
             return
-
-    def _absence(self) -> str:
-        return "; ".join(self._unusable.values()) or PLUG_IN
 
     def _read(self) -> Inputs:
         assert self._layout is not None  # noqa: S101 - adopted together with the pad

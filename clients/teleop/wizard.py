@@ -51,7 +51,7 @@ class Wizard:
         control = QUESTIONS[len(self._bindings)][0]
         if self._candidate is None:
             self._candidate = self._stick(event) if control in STICKS else self._button(event)
-        elif self._is_let_go(self._candidate):
+        elif abs(self._state.read(self._candidate)) <= CENTRED:
             self._accept(control, self._candidate)
             self._candidate = None
 
@@ -82,9 +82,6 @@ class Wizard:
                 return Binding("a", index, half=1 if value > 0 else -1)
             case _:
                 return None
-
-    def _is_let_go(self, candidate: Binding) -> bool:
-        return abs(self._state.read(candidate)) <= CENTRED
 
     def _accept(self, control: Control, found: Binding) -> None:
         taken = next(

@@ -81,16 +81,12 @@ def _spikes(ranges_m: Floats, echo: Booleans) -> tuple[float, float]:
     return float(np.count_nonzero(far) / count), float(np.count_nonzero(lost) / count)
 
 
-def _bearing_deg(recording: Recording) -> Floats:
-    return np.asarray(np.degrees(recording.angle_min_rad + recording.angle_step_rad * np.arange(recording.beams)))
-
-
 def _kind(recording: Recording, part_m: Floats) -> tuple[str, float]:
     """Return the simulator's kind of own parts that is nearest, and the share of beams in which both agree."""
     found = np.isfinite(part_m)
     if not found.any():
         return "none", 1.0
-    deg = _bearing_deg(recording)
+    deg = np.degrees(recording.angle_min_rad + recording.angle_step_rad * np.arange(recording.beams))
     shares = {}
     for kind in OWN_PARTS:
         there_m = profile(kind, float(deg[0]), float(deg[-1]), recording.beams).range_m

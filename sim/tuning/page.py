@@ -73,12 +73,9 @@ def _column(trials: Sequence[FrozenTrial], name: str) -> Floats:
     return np.array([trial.user_attrs[name] for trial in trials], dtype=np.float64)
 
 
-def _costs(trials: Sequence[FrozenTrial]) -> Floats:
-    return np.array([trial.value for trial in trials], dtype=np.float64)
-
-
 def _history(trials: Sequence[FrozenTrial]) -> str:
-    numbers, costs = np.array([float(trial.number) for trial in trials]), _costs(trials)
+    numbers = np.array([float(trial.number) for trial in trials])
+    costs = np.array([trial.value for trial in trials], np.float64)
     best = np.stack([numbers, np.minimum.accumulate(costs)], axis=1)
     return scatter(ScatterPlot(numbers, costs, "trial", "cost", line=best))
 
