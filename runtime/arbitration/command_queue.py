@@ -8,7 +8,7 @@ from wallride.runtime.arbitration.command import QueueEntry, Source
 from wallride.runtime.arbitration.queues import NEVER_S, PriorityQueue
 
 
-class CommandQueue:
+class CommandQueue(PriorityQueue[Source, QueueEntry]):
     """Connects the tasks, which put commands and limits, to the mux, which reads them.
 
     An entry expires by its measurement, not by its delivery: the source passes the time until which its oldest input is
@@ -19,11 +19,10 @@ class CommandQueue:
     """
 
     def __init__(self, order: Sequence[Source], clock: Clock) -> None:
+        super().__init__(clock)
         self.order = tuple(order)
         self.on_put: Callable[[QueueEntry, float], None] = _forget
         self.on_withdrawn: Callable[[Source], None] = _forget
-        self._clock = clock
-        self._queue: PriorityQueue[Source, QueueEntry] = PriorityQueue(clock)
         self._put_at_s: dict[Source, float] = {}
         self.last_put_s = -math.inf
 
@@ -31,48 +30,20 @@ class CommandQueue:
         """Change the priority order, also of the entries in force, and wake the mux."""
         if tuple(order) != self.order:
             self.order = tuple(order)
-            self._queue.change_priorities(self.order.index)
-            self._queue.wake()
+            self.change_priorities(self.order.index)
+            self.tick()
 
     def put(self, entry: QueueEntry, *, expires_at_s: float = NEVER_S) -> None:
         """Put an entry: it replaces the source's earlier one and wakes the mux."""
         self._put_at_s[entry.source] = self.last_put_s = self._clock()
-        self._queue.put(entry.source, entry, priority=self.order.index(entry.source), expires_at_s=expires_at_s)
+        self.place(entry.source, entry, priority=self.order.index(entry.source), expires_at_s=expires_at_s)
         self.on_put(entry, expires_at_s)
 
     def withdraw(self, source: Source) -> None:
         """Withdraw an entry, for example of a latched e-stop that was reset."""
-        self._queue.discard(source)
+        self.discard(source)
         self.on_withdrawn(source)
-        self._queue.wake()
-
-    def live(self) -> list[QueueEntry]:
-        """Return the entries in force, most urgent first, and change nothing."""
-        return self._queue.live()
-
-    def sweep(self) -> list[QueueEntry]:
-        """Drop what has expired, and return the entries in force, most urgent first: for the mux alone."""
-        return self._queue.sweep()
-
-    def entry(self, source: Source) -> QueueEntry | None:
-        """Return the entry of one source; None when it is silent."""
-        return self._queue.peek(source)
-
-    async def changed(self) -> None:
-        """Wait for a new entry or a tick."""
-        await self._queue.changed()
-
-    def has_expired(self) -> bool:
-        """Tell whether an entry has expired since the last `sweep`."""
-        return self._queue.has_expired()
-
-    def take_change(self) -> bool:
-        """Tell whether `changed` would return at once, and clear its event, so that it waits for the next change."""
-        return self._queue.take_change()
-
-    def tick(self) -> None:
-        """Wake the mux without a new entry: a mux that only forwards goes silent instead of stopping."""
-        self._queue.wake()
+        self.tick()
 
     def ages_s(self) -> Mapping[Source, float]:
         """Return the age of each source's last entry; sources without any entry are missing."""

@@ -43,8 +43,8 @@ class PriorityQueue(Generic[K, V]):
     def __len__(self) -> int:
         return len(self._slots)
 
-    def put(self, key: K, value: V, *, priority: int, expires_at_s: float) -> None:
-        """Put an entry; it replaces the earlier one of the same key and counts as a change."""
+    def place(self, key: K, value: V, *, priority: int, expires_at_s: float) -> None:
+        """Put an entry into its slot; it replaces the earlier one of the same key and counts as a change."""
         slots, order = self._slots, self._order
         if key in slots:
             order.remove(slots[key])
@@ -77,13 +77,13 @@ class PriorityQueue(Generic[K, V]):
                 self.discard(key)
         return [value for _, _, _, value, _ in self._order]
 
-    def peek(self, key: K) -> V | None:
+    def entry(self, key: K) -> V | None:
         """Return the entry of a key without removing it, None when it is not in force now."""
         entry = self._slots.get(key)
         return entry[3] if entry is not None and entry[4] > self._clock() else None
 
     async def changed(self) -> None:
-        """Wait until an entry was put, or `wake` was called, since this last returned or the event was cleared."""
+        """Wait until an entry was put, or `tick` was called, since this last returned or the event was cleared."""
         while not self._change.is_set():  # woken, but another reader was quicker
             await self._change.wait()
         self._change.clear()
@@ -99,6 +99,6 @@ class PriorityQueue(Generic[K, V]):
         self._change.clear()
         return change
 
-    def wake(self) -> None:
-        """Wake the waiter in `changed`, so that silence is examined as well as changes."""
+    def tick(self) -> None:
+        """Wake the waiter in `changed` without a new entry, so that silence is examined as well as changes."""
         self._change.set()

@@ -29,7 +29,7 @@ class QueueMachine(RuleBasedStateMachine):
     @rule(key=KEYS, value=st.integers(), priority=st.integers(0, 3), lifetime_s=st.sampled_from([0, 1, 2, 5, NEVER_S]))
     def put(self, key, value, priority, lifetime_s):
         self.sequence += 1
-        self.queue.put(key, value, priority=priority, expires_at_s=self.now_s + lifetime_s)
+        self.queue.place(key, value, priority=priority, expires_at_s=self.now_s + lifetime_s)
         self.model[key] = (priority, self.sequence, self.now_s + lifetime_s, value)
 
     @rule(key=KEYS)
@@ -57,8 +57,8 @@ TestQueue.settings = settings(max_examples=6 * settings.default.max_examples, st
 
 def test_a_superseded_word_never_comes_back():
     queue = PriorityQueue(lambda: 0.0)
-    queue.put("stick", "old", priority=0, expires_at_s=1)
-    queue.put("stick", "new", priority=0, expires_at_s=1)
+    queue.place("stick", "old", priority=0, expires_at_s=1)
+    queue.place("stick", "new", priority=0, expires_at_s=1)
     assert queue.sweep() == ["new"]
     queue.discard("stick")
     assert queue.sweep() == []
@@ -66,21 +66,21 @@ def test_a_superseded_word_never_comes_back():
 
 def test_looking_does_not_consume():
     queue = PriorityQueue(lambda: 0.0)
-    queue.put("a", 1, priority=0, expires_at_s=1)
+    queue.place("a", 1, priority=0, expires_at_s=1)
     assert queue.live() == queue.live() == [1]
 
 
 def test_values_are_never_compared():
     queue = PriorityQueue(lambda: 0.0)
-    queue.put("a", object(), priority=0, expires_at_s=1)
-    queue.put("b", object(), priority=0, expires_at_s=1)
+    queue.place("a", object(), priority=0, expires_at_s=1)
+    queue.place("b", object(), priority=0, expires_at_s=1)
     assert len(queue.live()) == 2
 
 
 def test_a_word_is_dead_at_its_expiry_not_after():
     now = [0.0]
     queue = PriorityQueue(lambda: now[0])
-    queue.put("a", 1, priority=0, expires_at_s=0.15)
+    queue.place("a", 1, priority=0, expires_at_s=0.15)
     now[0] = 0.15
     assert queue.live() == []
 
@@ -90,9 +90,9 @@ def test_changed_wakes_once_per_burst_and_on_a_poke():
         loop = asyncio.get_running_loop()
         queue = PriorityQueue(loop.time)
         for number in range(5):
-            queue.put(number, number, priority=0, expires_at_s=NEVER_S)
+            queue.place(number, number, priority=0, expires_at_s=NEVER_S)
         await queue.changed()
-        loop.call_later(1, queue.wake)
+        loop.call_later(1, queue.tick)
         await queue.changed()
         return loop.time()
 
@@ -102,11 +102,11 @@ def test_changed_wakes_once_per_burst_and_on_a_poke():
 def test_a_look_at_one_key_drops_nothing_that_has_expired_unseen():
     now_s = 0.0
     queue = PriorityQueue(lambda: now_s)
-    queue.put("a", "word", priority=0, expires_at_s=1.0)
-    queue.put("c", "longer", priority=1, expires_at_s=2.0)
-    assert (queue.peek("a"), queue.peek("b"), queue.has_expired()) == ("word", None, False)
+    queue.place("a", "word", priority=0, expires_at_s=1.0)
+    queue.place("c", "longer", priority=1, expires_at_s=2.0)
+    assert (queue.entry("a"), queue.entry("b"), queue.has_expired()) == ("word", None, False)
     now_s = 1.0
-    assert (queue.peek("a"), queue.peek("c")) == (None, "longer")
+    assert (queue.entry("a"), queue.entry("c")) == (None, "longer")
     assert queue.has_expired(), "one of two"
     assert queue.live() == ["longer"]
     assert queue.has_expired(), "to look changes nothing"
@@ -118,10 +118,10 @@ def test_other_priorities_keep_content_age_and_expiry():
     now_s = 0.0
     queue = PriorityQueue(lambda: now_s)
     for key, value, expires_at_s in (("a", 1, 1.0), ("b", 2, NEVER_S), ("c", 3, NEVER_S)):
-        queue.put(key, value, priority=ord(key), expires_at_s=expires_at_s)
+        queue.place(key, value, priority=ord(key), expires_at_s=expires_at_s)
     queue.change_priorities(lambda key: 0 if key == "c" else 5)
     assert queue.live() == [3, 1, 2], "of equal priority the older first"
-    queue.put("b", 4, priority=0, expires_at_s=NEVER_S)
+    queue.place("b", 4, priority=0, expires_at_s=NEVER_S)
     assert queue.live() == [3, 4, 1], "the old entry of b is gone, though its priority had changed"
     now_s = 1.0
     assert queue.live() == [3, 4]
@@ -130,7 +130,7 @@ def test_other_priorities_keep_content_age_and_expiry():
 def test_a_change_is_told_once():
     queue = PriorityQueue(lambda: 0.0)
     assert not queue.take_change()
-    queue.put("a", 1, priority=0, expires_at_s=1.0)
+    queue.place("a", 1, priority=0, expires_at_s=1.0)
     assert [queue.take_change(), queue.take_change()] == [True, False]
-    queue.wake()
+    queue.tick()
     assert queue.take_change()
