@@ -14,21 +14,13 @@ PERIOD_S = 0.02
 class AlwaysHeld:
     """Deadman of an emulated car, which no person has to watch."""
 
+    key, again = "nothing", "It goes on by itself."
+
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         """Do nothing."""
-
-    @property
-    def key(self) -> str:
-        """Return the name of the key."""
-        return "nothing"
-
-    @property
-    def again(self) -> str:
-        """Return what happens after a stall."""
-        return "It goes on by itself."
 
     def is_held(self) -> bool:
         """Return that it is held."""

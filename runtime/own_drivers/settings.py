@@ -1,8 +1,9 @@
 """Settings of the drivers of the user: those that the car needs, and below `own` those of the driver itself."""
 
+from functools import partial
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, ValidationInfo, field_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, SerializeAsAny, ValidationInfo
 
 from wallride.drivers.own import DriverSettings
 from wallride.drivers.section import Section
@@ -33,42 +34,22 @@ def _own_values(section: str, value: Any, info: ValidationInfo) -> Any:  # noqa:
 class OwnLidarSettings(Section):
     """A lidar whose driver is the user's."""
 
-    driver: str = OWN_TAG
+    driver: Annotated[str, AfterValidator(partial(checked_name, "lidar"))] = OWN_TAG
     """Driver of the lidar: a built-in one, MODULE:CLASS of your own, or the name that an installed package gives."""
     stale_after_s: Annotated[float, Field(gt=0, le=1)] = 0.1
     """Maximum age of a delivered scan; an older one is dropped."""
     degraded_after_s: Annotated[float, Field(gt=0, le=2)] = 0.5
     """Time without a scan after which the lidar is not ready."""
-    own: OwnValues = DriverSettings()
-
-    @field_validator("driver")
-    @classmethod
-    def _loads(cls, driver: str) -> str:
-        return checked_name("lidar", driver)
-
-    @field_validator("own", mode="before")
-    @classmethod
-    def _own(cls, value: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - whatever stood in the file
-        return _own_values("lidar", value, info)
+    own: Annotated[OwnValues, BeforeValidator(partial(_own_values, "lidar"))] = DriverSettings()
 
 
 class OwnMotorSettings(Section):
     """A motor controller whose driver is the user's."""
 
-    driver: str = OWN_TAG
+    driver: Annotated[str, AfterValidator(partial(checked_name, "motor"))] = OWN_TAG
     """Driver of the motor: `vesc`, MODULE:CLASS of your own, or the name that an installed package gives."""
     min_speed_mps: Annotated[float, Field(ge=0.05, le=1)] = 0.2
     """Minimum speed that the motor holds; slower is a stop."""
     lost_after_s: Annotated[float, Field(ge=0.05, le=5)] = 0.2
     """Maximum age of the motor's newest report; then the motor counts as lost."""
-    own: OwnValues = DriverSettings()
-
-    @field_validator("driver")
-    @classmethod
-    def _loads(cls, driver: str) -> str:
-        return checked_name("motor", driver)
-
-    @field_validator("own", mode="before")
-    @classmethod
-    def _own(cls, value: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - whatever stood in the file
-        return _own_values("motor", value, info)
+    own: Annotated[OwnValues, BeforeValidator(partial(_own_values, "motor"))] = DriverSettings()
