@@ -71,6 +71,7 @@ class RplidarDevice:
 
     def __init__(self, model: RplidarModel = A1) -> None:
         self.model = model
+        self.sample_s, self.turns_hz = model.sample_s, model.turns_hz
         # Of the others the stream's directions are those of the samples.
         self.laser_m, self.laser_rad = (_LASER_M, _LASER_RAD) if model.stream == ULTRA else (0.0, 0.0)
         self.streaming = False
@@ -82,16 +83,6 @@ class RplidarDevice:
         self._line = b""
         self._first = True
         self._held: list[tuple[float, int]] = []
-
-    @property
-    def sample_s(self) -> float:
-        """Return the time between two samples."""
-        return self.model.sample_s
-
-    @property
-    def turns_hz(self) -> float:
-        """Return the speed of the head."""
-        return self.model.turns_hz
 
     def power_on(self) -> None:
         """Begin as after power-on."""

@@ -50,6 +50,7 @@ class YdlidarDevice:
 
     def __init__(self, model: YdlidarModel = X4) -> None:
         self.model = model
+        self.sample_s, self.turns_hz = model.sample_s, model.turns_hz
         self.laser_m = _LASER_M if model.triangulates else 0.0
         self.laser_rad = math.atan(_LASER_M / _MEETS_M) if model.triangulates else 0.0
         self.streaming = model.one_way
@@ -60,16 +61,6 @@ class YdlidarDevice:
         self._line = b""
         self._held: list[tuple[float, int]] = []
         self._last_deg = 0.0
-
-    @property
-    def sample_s(self) -> float:
-        """Return the time between two samples."""
-        return self.model.sample_s
-
-    @property
-    def turns_hz(self) -> float:
-        """Return the speed of the head."""
-        return self.model.turns_hz
 
     def power_on(self) -> None:
         """Begin as after power-on."""
