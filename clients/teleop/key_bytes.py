@@ -14,9 +14,11 @@ ENTER = b"\x1b[>11u\x1b[?1004h"
 LEAVE = b"\x1b[?1004l\x1b[<u"
 LONE_ESCAPE_S = 0.1
 """Time without a further byte after which an escape byte counts as the key."""
+LONE = {b"\x1b", b"\x1b[", b"\x1bO"}
+"""The key alone, or with one of the two that a sequence has next."""
 
-SEQUENCE = re.compile(rb"\x1b\[(?P<mark>[<=>?]?)(?P<numbers>[0-9:;]*)(?P<final>[A-Za-z~])|\x1bO(?P<arrow>[A-D])")
-UNFINISHED = re.compile(rb"\x1b(\[[<=>?]?[0-9:;]{0,32}|O)?")
+SEQUENCE = re.compile(rb"\x1b\[(?P<mark>[<=>?[]?)(?P<numbers>[0-9:;]*)(?P<final>[A-Za-z~])|\x1bO(?P<letter>[A-Z])")
+UNFINISHED = re.compile(rb"\x1b(\[[<=>?[]?[0-9:;]{0,32}|O)?")
 ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
 CODES = {27: "escape", 32: "space", 57441: "shift", 57447: "shift"}
 ACTS = {1: Act.PRESS, 2: Act.REPEAT, 3: Act.RELEASE}
@@ -26,7 +28,10 @@ LEAVING = {"c", "d"}
 
 
 class KeyBytes:
-    """Finds keys in a terminal's bytes, whatever the chunking; unknown bytes are left out."""
+    """Finds keys in a terminal's bytes, whatever the chunking; unknown bytes are left out.
+
+    An escape byte that begins no known sequence is the key, whatever comes after it: it is the e-stop.
+    """
 
     def __init__(self) -> None:
         self._waiting = b""
@@ -44,7 +49,7 @@ class KeyBytes:
                 self._waiting = self._waiting[match.end() :]
                 events += _sequence(match)
             elif UNFINISHED.fullmatch(self._waiting):
-                if self._waiting == b"\x1b" and now_s - self._since_s >= LONE_ESCAPE_S:
+                if self._waiting in LONE and now_s - self._since_s >= LONE_ESCAPE_S:
                     self._waiting = b""
                     events.append(Key("escape"))
                 break
@@ -55,6 +60,8 @@ class KeyBytes:
 
 
 def _plain(byte: bytes) -> list[KeyEvent]:
+    if byte == b"\x1b":
+        return [Key("escape")]
     if byte in {b"\x03", b"\x04"}:
         return [Quit()]
     if byte == b" ":
@@ -63,8 +70,9 @@ def _plain(byte: bytes) -> list[KeyEvent]:
 
 
 def _sequence(match: re.Match[bytes]) -> list[KeyEvent]:
-    if match["arrow"] is not None:
-        return [Key(ARROWS[match["arrow"].decode()])]
+    if match["letter"] is not None:
+        letter = match["letter"].decode()
+        return [Key(ARROWS[letter])] if letter in ARROWS else []
     final, numbers = match["final"].decode(), match["numbers"].decode()
     if match["mark"]:
         return [TerminalAnswer(_int(numbers, 0))] if (match["mark"], final) == (b"?", "u") else []

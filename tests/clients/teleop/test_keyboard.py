@@ -132,6 +132,10 @@ BYTES: dict[bytes, list[KeyEvent]] = {
     b"\x1b[57447;2:3u": [Key("shift", Act.RELEASE)],
     b"\x1b[32u": [Key("space")],
     b"\x1b[27u": [Key("escape")],
+    b"\x1bs": [Key("escape"), Key("s")],
+    b"\x1b\x1b[A": [Key("escape"), Key("up")],
+    b"\x1bOP": [],
+    b"\x1b[[A": [],
     b"\x1b[99;5u": [Quit()],
     b"\x1b[99u": [Key("c")],
     b"\x03": [Quit()],
@@ -170,3 +174,18 @@ def test_a_lone_escape_is_the_key_after_a_moment():
     assert reader.feed(b"\x1b", 1.0) == []
     assert reader.feed(b"", 1.05) == []
     assert reader.feed(b"", 1.11) == [Key("escape")]
+
+
+@pytest.mark.parametrize("more", [b"[", b"O"])
+def test_an_escape_with_a_key_that_begins_a_sequence_is_the_key_after_a_moment(more):
+    reader = KeyBytes()
+    assert reader.feed(b"\x1b", 1.0) == []
+    assert reader.feed(more, 1.05) == []
+    assert reader.feed(b"", 1.16) == [Key("escape")]
+    assert reader.feed(b"w", 1.2) == [Key("w")]
+
+
+def test_an_escape_that_is_held_is_the_key_from_its_second_byte_on():
+    reader = KeyBytes()
+    assert reader.feed(b"\x1b", 1.0) == []
+    assert reader.feed(b"\x1b", 1.03) == [Key("escape")]
