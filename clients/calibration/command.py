@@ -4,8 +4,11 @@ import argparse
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Protocol
+
+from pydantic import ValidationError
 
 from wallride.clients.calibration import settings_file
 from wallride.clients.calibration.current_values import check_writable, current_values
@@ -31,7 +34,7 @@ from wallride.runtime.calibration import proposals
 from wallride.runtime.calibration.proposals import Proposal
 from wallride.runtime.host.terminal_text import asked, say, yes_or_no
 from wallride.runtime.parameters.file import StoreError
-from wallride.runtime.settings.tree import SettingsError
+from wallride.runtime.settings.tree import Settings, SettingsError
 from wallride.runtime.wire import topics
 
 
@@ -187,12 +190,24 @@ def _tape(open_link: OpenLink, so_far: CalibrationProgress) -> list[Proposal]:
 def _outline(now: Mapping[str, float]) -> list[Proposal]:
     """Ask for the outline, which the car cannot see."""
     say("\noutline\n  Measure with a tape; Enter keeps the value.")
-    found = []
+    found: list[Proposal] = []
     for name, words in OUTLINE_WORDS.items():
-        length_m = asked(f"  {name}, {words} [{now[name]:g} m]: ", _length_m, None)
+        said = {**now, **{one.name: one.new for one in found if one.new is not None}}
+        length_m = asked(f"  {name}, {words} [{now[name]:g} m]: ", partial(_outline_m, said, name), None)
         if length_m is not None:
             found.append(_by_hand(name, now, length_m, "by tape"))
     return found
+
+
+def _outline_m(now: Mapping[str, float], name: str, text: str) -> float:
+    """Return a length of the outline; ValueError for one that the car's settings refuse."""
+    length_m = _length_m(text)
+    section = {key.removeprefix("car."): value for key, value in {**now, name: length_m}.items() if key[:4] == "car."}
+    try:
+        Settings.model_validate({"car": section})
+    except ValidationError as error:
+        raise ValueError(f"{text}: {str(error.errors()[0]['msg']).removeprefix('Value error, ')}") from None
+    return length_m
 
 
 def _length_m(text: str) -> float:

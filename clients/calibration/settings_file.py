@@ -26,6 +26,7 @@ def write(path: Path, accepted: Sequence[Proposal], date: str) -> Path:
     """
     kept = undo_file(path)
     text, tree = _read(path)
+    earlier = kept.read_bytes() if kept.is_file() else None
     before = []
     for one in accepted:
         place = tuple(one.name.split("."))
@@ -34,12 +35,16 @@ def write(path: Path, accepted: Sequence[Proposal], date: str) -> Path:
         text = _set(path, text, place, one.new, f"calibrated {date}: {one.words}; was {one.old:g}")
         before.append({"name": one.name, "old": old, "new": one.new})
     replace(kept, json.dumps({"date": date, "changes": before}, indent=1).encode())
-    _replace(path, text)
+    try:
+        _replace(path, text)
+    except BaseException:  # the file is as before, and so is the way back
+        kept.unlink() if earlier is None else replace(kept, earlier)
+        raise
     return kept
 
 
 def undo(path: Path) -> list[str]:
-    """Put the values before the last calibration back; return a line for each. StoreError without any."""
+    """Put the values before the last calibration back; return a line for each. StoreError where none can be."""
     kept = undo_file(path)
     try:
         changes = json.loads(kept.read_text(encoding="utf-8"))["changes"]
@@ -48,6 +53,8 @@ def undo(path: Path) -> list[str]:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise StoreError(f"{kept}: cannot be read: {error}") from None
     text, tree = _read(path)
+    if all(_value(tree, change["name"].split(".")) != change["new"] for change in changes):
+        raise StoreError(f"{path}: has none of the values of {kept} any more; nothing was put back")
     lines = []
     for change in changes:
         name, old = change["name"], change["old"]

@@ -1,8 +1,8 @@
 """Vehicle parameters used by the control laws."""
 
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from wallride.drivers.section import Section
 
@@ -37,6 +37,16 @@ class CarSettings(Section):
     """Distance from the rear axle to the rear end of the car."""
     half_width_m: Annotated[float, Field(gt=0, le=1)] = 0.15
     """Half of the maximum width of the car, wheels and mirrors included."""
+
+    @model_validator(mode="after")
+    def _its_parts_are_inside(self) -> Self:
+        for name, place_m in (("wheelbase_m", self.wheelbase_m), ("lidar_x_m", self.lidar_x_m)):
+            if self.front_m < place_m:
+                raise ValueError(
+                    f"front_m = {self.front_m:g} is less than {name} = {place_m:g}: it is measured from the rear axle"
+                    " to the front end"
+                )
+        return self
 
     @property
     def lidar_m(self) -> complex:

@@ -344,6 +344,8 @@ def _sentence(error: Mapping[str, Any], tree: Mapping[str, Any]) -> str:
     message = str(error["msg"]).removeprefix("Value error, ")
     if not path:  # of several sections
         return message
+    if isinstance(error["input"], dict):  # of several of its settings
+        return f"[{key}]: {message}"
     return f"{key} = {error['input']!r}: {message[:1].lower()}{message[1:]}"
 
 

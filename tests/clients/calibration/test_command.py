@@ -126,11 +126,14 @@ def test_the_table_shows_before_and_after():
 
 def test_the_outline_is_asked_for_and_a_wrong_length_again(monkeypatch, capsys):
     now = dict.fromkeys(OUTLINE_WORDS, 0.2)
-    answers = iter(["0,44", "wide", "", "0.16"])
+    answers = iter(["42", "0.1", "0,44", "wide", "", "0.16"])
     monkeypatch.setattr("builtins.input", lambda _text: next(answers))
     found = command._outline(now)
     assert [(one.name, one.new) for one in found] == [("car.front_m", 0.44), ("car.half_width_m", 0.16)]
-    assert "wide is not a length in metres" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "42: Input should be less than or equal to 3" in said
+    assert "front_m = 0.1 is less than wheelbase_m = 0.33: it is measured from the rear axle to the front end" in said
+    assert "wide is not a length in metres" in said
 
 
 def test_an_unknown_step_is_refused(capsys):

@@ -52,6 +52,23 @@ def test_values_with_which_the_car_would_not_start_are_refused(car_toml):
     with pytest.raises(StoreError, match="nothing was saved"):
         settings_file.write(car_toml, [Proposal("car.wheelbase_m", 0.25, 9.0, "")], "2026-11-23")
     assert car_toml.read_text() == FILE
+    assert not settings_file.undo_file(car_toml).exists()
+
+
+def test_a_refused_calibration_leaves_the_way_back_to_before_the_last_one(car_toml):
+    settings_file.write(car_toml, NEW, "2026-11-23")
+    with pytest.raises(StoreError, match="nothing was saved"):
+        settings_file.write(car_toml, [Proposal("car.wheelbase_m", 0.25, 9.0, "")], "2026-11-24")
+    settings_file.undo(car_toml)
+    assert car_toml.read_text() == FILE
+
+
+def test_where_nothing_can_be_put_back_the_way_back_stays(car_toml):
+    settings_file.write(car_toml, [Proposal("car.wheelbase_m", 0.25, 0.3, "")], "2026-11-23")
+    car_toml.write_text(car_toml.read_text().replace("0.3", "0.32"))
+    with pytest.raises(StoreError, match=r"has none of the values of .*; nothing was put back"):
+        settings_file.undo(car_toml)
+    assert settings_file.undo_file(car_toml).exists()
 
 
 @pytest.mark.parametrize(

@@ -216,10 +216,12 @@ def test_one_address_for_two_devices_is_refused_and_blamed_on_the_file(tmp_path,
         ('[wall_follow]\nkp = "7"', "wall_follow.kp = '7': input should be a valid number"),
         ('[safety]\nbinds_teleop = "off"', "safety.binds_teleop = 'off': must be true or false"),
         ("[safety]\nbinds_teleop = 0", "safety.binds_teleop = 0: must be true or false"),
+        ("[car]\nfront_m = 0.1", "[car]: front_m = 0.1 is less than wheelbase_m = 0.33: it is measured from the rear"),
+        ("[car]\nlidar_x_m = 0.5", "[car]: front_m = 0.42 is less than lidar_x_m = 0.5"),
         ("[recording]\nring_mb = true", "recording.ring_mb = True: input should be a valid number"),
     ],
 )
-def test_a_value_of_another_kind_is_refused_as_the_running_car_refuses_it(tmp_path, text, words):
+def test_a_value_of_another_kind_and_an_outline_that_cannot_be_are_refused(tmp_path, text, words):
     file = tmp_path / "car.toml"
     file.write_text(text)
     with pytest.raises(SettingsError, match=re.escape(words)):
