@@ -15,6 +15,7 @@ from wallride.clients.answers import reading
 from wallride.clients.connection import ConnectionProblemError, connected
 from wallride.clients.played import NOTHING_DRIVES, PlayedNames
 from wallride.clients.refreshing import RefreshedScreen
+from wallride.runtime.arbitration.driving_state import DrivingState
 from wallride.runtime.host.terminal_text import LONGEST, one_line
 from wallride.runtime.telemetry.screen_words import because, steering_words
 from wallride.runtime.teleop.status import OperatorState
@@ -111,6 +112,9 @@ def headline(status: Status) -> str:
         return f"{stands}: {lost}"
     if not output:
         return f"{stands}: nothing has been decided yet"
+    condition = status.get("condition") or {}
+    if output["speed_mps"] and condition.get("state") == DrivingState.STOPPED:  # too slow for the motor, for example
+        return f"{stands}: {because(condition['reason'], condition.get('measure'))}"
     does = f"drives {output['speed_mps']:.2f} m/s" if output["speed_mps"] else stands
     return f"{does}: {output['winner']}: {because(output['reason'], output.get('measure'))}"
 

@@ -56,6 +56,9 @@ def emulate(options: argparse.Namespace, stop: StopRequest) -> int:
         def tell(addresses: DeviceAddresses) -> None:
             write_settings(file, addresses, settings)
             _show(console, file, scene.world.name, addresses, options.config_variable)
+            if options.assignments:
+                said = ", ".join(text.partition("=")[0] for text in options.assignments)
+                console.print(f"{said}: of the emulated car alone; that file has its own", soft_wrap=True)
             _tell_programs(addresses, settings)
 
         asyncio.run(car.keep(options.duration or math.inf, stop, tell))

@@ -57,6 +57,13 @@ def test_a_standing_car_says_why(observed, trouble, answer):
     assert headline(arrived(observed, output)) == answer
 
 
+def test_a_command_below_the_motors_least_speed_is_no_drive(observed):
+    output = output_of(observed, speed_mps=0.15)
+    status = arrived(observed, output)
+    status |= {"speed_mps": 0.0, "condition": {"state": "stopped", "reason": "too slow", "for_s": 1.0, "clears": ""}}
+    assert headline(status) == "stands: too slow"
+
+
 def test_a_car_whose_wheels_turn_is_never_said_to_stand(observed):
     output = output_of(observed, speed_mps=0.0, winner=Source.ESTOP, reason="e-stop")
     status = arrived(observed, output)

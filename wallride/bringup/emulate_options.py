@@ -21,7 +21,7 @@ def add(commands: Commands) -> None:
     )
     parser.set_defaults(run=run, laps=None, race=None, config_variable=CONFIG_VARIABLE)
     parser.add_argument("world", nargs="?", default="corridor", help="a built-in world or a ROS map .yaml")
-    add_set(parser)
+    add_set(parser, "describe the emulated car by one setting, for example motor.neutral_us=1530")
     parser.add_argument(
         "--folder", type=Path, metavar="DIR", help="of serial ports and settings (default: ~/.local/state/...)"
     )

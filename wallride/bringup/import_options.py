@@ -108,7 +108,7 @@ def _written(imported: "Imported", options: argparse.Namespace) -> str:
 
     from wallride.runtime.parameters.file import replace
     from wallride.runtime.parameters.toml_text import set_value
-    from wallride.runtime.settings.tree import load_settings
+    from wallride.runtime.settings.tree import SettingsError, load_settings
     from wallride.service.parts import shipped
 
     output: Path | None = options.output
@@ -131,7 +131,10 @@ def _written(imported: "Imported", options: argparse.Namespace) -> str:
     with tempfile.TemporaryDirectory() as folder:
         trial = Path(folder) / "imported.toml"
         trial.write_text(text, encoding="utf-8")
-        load_settings(trial)
+        try:
+            load_settings(trial)
+        except SettingsError as error:
+            raise ImportFailure(str(error).replace(f"{trial}: ", "what was read: ")) from None
     if output is not None:
         replace(output, text.encode(), like=output.stat() if output.exists() else None)
     return text

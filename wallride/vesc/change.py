@@ -241,6 +241,8 @@ def describe(found: VescContents, new: bytes) -> list[str]:
     )
     if others := len(unlike_places(new, named)):
         lines.append(f"  and {others} other bytes, as in the file")
+    if not after.timeout_brake_a:
+        lines.append("  WITHOUT a brake current the car rolls on when its computer falls silent")
     if after.servo_output and not found.config.servo_output:
         lines.append("  the front wheels may jump to the servo's middle: keep your hands off")
     return lines

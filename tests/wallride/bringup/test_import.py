@@ -74,6 +74,13 @@ def test_a_map_is_refused_by_name(tmp_path, capsys):
     assert err == f'wallride: {file}: is a map, not parameters: name it in the settings, map.file = "{file}"\n'
 
 
+def test_values_that_the_settings_refuse_are_told_of_what_was_read(tmp_path, capsys):
+    code, out, err = imported(tmp_path, capsys, "vesc_driver:\n  servo_min: 0.85\n  servo_max: 0.15\n")
+    assert (code, out) == (2, "")
+    assert err.startswith("wallride: what was read: ")
+    assert "imported.toml" not in err
+
+
 def test_a_ros_2_file(tmp_path, capsys):
     code, out, err = imported(tmp_path, capsys, ROS_2)
     assert code == 0

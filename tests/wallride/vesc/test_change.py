@@ -278,3 +278,11 @@ async def test_a_copy_of_something_else_is_not_restored(spoil, words, rig):
     with pytest.raises(VescChangeError, match="No such file"):
         await change.restore(rig.access(), rig.folder / "none.json")
     assert len(rig.written()) == 1
+
+
+async def test_a_controller_that_is_to_brake_with_no_current_is_told_so(rig):
+    await rig.set(SettingsWish(0.5, 0.0, None))
+    assert "  WITHOUT a brake current the car rolls on when its computer falls silent" in rig.said
+    rig.said.clear()
+    await rig.set()
+    assert not any("WITHOUT" in line for line in rig.said)
