@@ -23,7 +23,6 @@ from wallride.sim.mapping.closing import ClosedLap, close_lap
 from wallride.sim.mapping.lap_record import LapRecord, read_record
 from wallride.sim.mapping.verdict import judge_map
 from wallride.sim.races.mapped_lap import WHEELS, MappingLap, keyframe_poses, recorded_lap
-from wallride.sim.virtual.closed_loop import ROUGH_BEAMS
 from wallride.sim.world.lap import Lap
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import Floats, Pose
@@ -33,8 +32,6 @@ from wallride.sim.world.worlds import load_world
 MAPS = ("levine", "berlin", "skirk", "hangar", "track_porto", "stata_basement", "aut", "gbr")
 TRACKS = ("track:seed=7", "track:seed=23")
 SPEEDS_MPS, FRICTIONS = (2.0, 4.0), (0.5, 0.8)
-CALM_M = 0.01
-"""Noise of a lidar whose normals are exact: round a wide bend no pair of scans tells all directions."""
 RMS_M, MAX_M, TIME_S, REAL_RESIDUAL_M = 0.03, 0.10, 10.0, 0.016
 FLAWS = ("open", "silent", "wheels")
 """Broken recordings: cut off before the lap is whole; 10 s without scans; wheels 10 % wrong."""
@@ -46,7 +43,7 @@ SILENT_S = 10.0
 
 @dataclass(frozen=True, slots=True)
 class MapDrive:
-    """One lap. flaw: one of FLAWS, or "". gyro: whether the recording has one. later_m: as of `MappingLap`."""
+    """One lap. flaw: one of FLAWS, or "". gyro: whether the recording has one."""
 
     place: str
     speed_mps: float
@@ -54,15 +51,12 @@ class MapDrive:
     seed: int
     gyro: bool
     flaw: str = ""
-    noise_m: float = ROUGH_BEAMS.noise_std_m
-    later_m: float = 15.0
 
 
 def recorded(lap: MapDrive, data: Path) -> tuple[LapRecord, Floats]:
     """Return the recording of a drive, and the true poses of the rear axle at its scans, (n, 3)."""
     wheels = 1.10 if lap.flaw == "wheels" else WHEELS
-    lidar = ROUGH_BEAMS.model_copy(update={"noise_std_m": lap.noise_m})
-    conditions = MappingLap(lap.speed_mps, lap.mu, lap.seed, lap.gyro, wheels, lidar, lap.later_m)
+    conditions = MappingLap(lap.speed_mps, lap.mu, lap.seed, lap.gyro, wheels)
     record, truth = recorded_lap(world_of(lap.place, data), conditions)
     return _flawed(record, truth, lap.flaw)
 
@@ -136,16 +130,12 @@ def measure_real(path: Path) -> dict[str, Any]:
 
 
 def drives(seed: int, places: Sequence[str]) -> list[MapDrive]:
-    """Return the good laps, those with a lidar of less noise, the flawed ones, and those of places that look alike."""
+    """Return the good laps, then the flawed ones, and those of places that look alike."""
     good = [
         MapDrive(place, speed_mps, mu, seed + number, gyro=number % 2 == 0)
         for number, (place, speed_mps, mu) in enumerate(
             (place, speed_mps, mu) for place in places for speed_mps in SPEEDS_MPS for mu in FRICTIONS
         )
-    ]
-    calm = [
-        MapDrive(place, 2.0, 0.8, seed + 50 + number, gyro=number % 2 == 0, noise_m=CALM_M)
-        for number, place in enumerate(places)
     ]
     flawed = [
         MapDrive(place, 2.0, 0.8, seed + 100 + number, gyro=number % 2 == 0, flaw=flaw)
@@ -155,7 +145,7 @@ def drives(seed: int, places: Sequence[str]) -> list[MapDrive]:
         MapDrive(COLONNADE, 2.0, mu, seed + 200 + number, gyro=number % 2 == 0, flaw="wheels")
         for number, mu in enumerate(FRICTIONS)
     ]
-    return [*good, *calm, *flawed, *alike]
+    return [*good, *flawed, *alike]
 
 
 def shown(row: dict[str, Any]) -> str:

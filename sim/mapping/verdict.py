@@ -17,9 +17,6 @@ MOVED_M: Final = 0.15
 RESIDUAL_M: Final = 0.03
 INLIERS: Final = 0.6
 FULL_LOOPS: Final = 3
-ROUND_A_BEND: Final = 0.1
-"""Least ratio of what the edges of the loop tell of two directions together, each edge only of the one that it tells
-best: these turn by 35 degrees round a bend, and along a corridor by the noise of the normals."""
 UNMATCHED_SHARE: Final = 0.02
 TOLERANCE: Final = (0.015, 0.015, 0.01)
 """Standard deviations [m, m, rad] of what a map may be wrong by, beside those of a match: these alone are 4 mm, as
@@ -34,8 +31,8 @@ class MapVerdict:
 
     residual_m: rms distance of points from the surfaces they were laid over. inliers: 5th percentile of the share of
     points that fit. full_loops: keyframes that meet the lap's beginning where the scene determines all directions.
-    together: as of ROUND_A_BEND. contradiction: mean chi2 of the loop's edges, NaN without any. gap_s: longest time
-    without a scan in which the car moved. unmatched: keyframes that fit no earlier one.
+    contradiction: mean chi2 of the loop's edges, NaN without any. gap_s: longest time without a scan in which the car
+    moved. unmatched: keyframes that fit no earlier one.
     """
 
     way_m: float
@@ -45,7 +42,6 @@ class MapVerdict:
     inliers: float
     loops: int
     full_loops: int
-    together: float
     contradiction: float
     gap_s: float
     reasons: tuple[str, ...]
@@ -80,7 +76,6 @@ def judge_map(record: LapRecord, lap: ClosedLap, *, is_open: bool = False) -> Ma
         inliers=float(np.percentile([edge.share for edge in near], 5)) if near else 0.0,
         loops=len(loops),
         full_loops=sum(edge.full for edge in loops),
-        together=_together(lap.poses, loops) if len(loops) >= FULL_LOOPS else 0.0,
         contradiction=contradiction(lap.poses, loops) if loops else float("nan"),
         gap_s=gap_s,
         reasons=(),
@@ -97,13 +92,6 @@ def contradiction(poses: Floats, loops: Sequence[Edge]) -> float:
     return float(np.mean(np.einsum("ei,eij,ej->e", errors, known, errors)))
 
 
-def _together(poses: Floats, loops: Sequence[Edge]) -> float:
-    best = np.linalg.eigh([edge.information[:2, :2] for edge in loops])[1][:, :, 1]
-    toward_rad = np.arctan2(best[:, 1], best[:, 0]) + poses[[edge.before for edge in loops], 2]
-    alike = abs(np.exp(2j * toward_rad).mean())
-    return float((1.0 - alike) / (1.0 + alike))
-
-
 def _reasons(verdict: MapVerdict, gap_at_s: float, end: str, *, is_open: bool) -> Iterator[str]:
     if verdict.gap_s > GAP_S:
         yield f"scans are missing for {verdict.gap_s:.1f} s at {gap_at_s:.1f} s while the car moved"
@@ -113,7 +101,7 @@ def _reasons(verdict: MapVerdict, gap_at_s: float, end: str, *, is_open: bool) -
         yield f"the scans lie {1000 * verdict.residual_m:.0f} mm beside each other (rms; at most {1000 * RESIDUAL_M:g})"
     if verdict.inliers < INLIERS:
         yield f"at some places only {100 * verdict.inliers:.0f} % of the points fit"
-    if not is_open and verdict.full_loops < FULL_LOOPS and verdict.together < ROUND_A_BEND:
+    if not is_open and verdict.full_loops < FULL_LOOPS:
         yield f"the ring is open: {end}"
     if verdict.contradiction > CONTRADICTION:
         yield f"the end of the lap contradicts its beginning (chi2 {verdict.contradiction:.1f}, not {CONTRADICTION:g})"

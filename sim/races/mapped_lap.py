@@ -27,12 +27,13 @@ from wallride.sim.mapping.verdict import judge_map
 from wallride.sim.mapping.walls import walls_of
 from wallride.sim.racing.ring import NoRingError, ring_length_m, ring_of
 from wallride.sim.recordings import RecordingError
-from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, Case, drive
-from wallride.sim.world.beams import LidarSettings
+from wallride.sim.virtual.closed_loop import Case, drive
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import Floats
 from wallride.sim.world.worlds import load_world
 
+LATER_M = 15.0
+"""Way past the start, on which the loop is closed."""
 WHEELS, TRIM_RAD = 1.03, 0.02
 GYRO_BIAS_RADPS, GYRO_NOISE_RADPS, GYRO_SCALE = 0.01, 0.01, 1.01
 STANDING_S, RATE_S = 2.0, 0.02
@@ -42,18 +43,13 @@ TRUTH_SUFFIX = ".truth.npz"
 
 @dataclass(frozen=True, slots=True)
 class MappingLap:
-    """Conditions of the lap. gyro: whether the recording has one. wheels: reported way over the true one.
-
-    later_m: way past the start, on which the loop is closed.
-    """
+    """Conditions of the lap. gyro: whether the recording has one. wheels: reported way over the true one."""
 
     speed_mps: float = 2.0
     mu: float = 0.8
     seed: int = 1000
     gyro: bool = True
     wheels: float = WHEELS
-    lidar: LidarSettings = ROUGH_BEAMS
-    later_m: float = 15.0
 
 
 class KeepingFollower:
@@ -73,17 +69,17 @@ class KeepingFollower:
 
 
 def recorded_lap(world: World, lap: MappingLap) -> tuple[LapRecord, Floats]:
-    """Return the recording of a lap and a little more, and the true poses of the rear axle at its scans, (n, 3).
+    """Return the recording of a lap and LATER_M more, and the true poses of the rear axle at its scans, (n, 3).
 
     Raises: NoRingError where the world has no way round.
     """
     desired_m = min(1.0, world.room_m)
     follower, guard = build("ball", world.side, desired_m, lap.speed_mps)
     keeper = KeepingFollower(follower)
-    way_m = 1.05 * ring_length_m(ring_of(world)) + lap.later_m
+    way_m = 1.05 * ring_length_m(ring_of(world)) + LATER_M
     case = Case(
         world, desired_m=desired_m, distance_m=way_m, duration_s=300.0, standing_s=5.0, seed=lap.seed,
-        vehicle=VehicleSettings(grip_mu=lap.mu, trim_rad=TRIM_RAD), lidar=lap.lidar,
+        vehicle=VehicleSettings(grip_mu=lap.mu, trim_rad=TRIM_RAD),
     )  # fmt: skip
     run = drive(case, keeper, guard)
     record = record_of_scans(world.name, keeper.scans, keeper.states, CarSettings())
