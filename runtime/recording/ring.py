@@ -161,8 +161,10 @@ def trim(
     the room: something else fills the disk. foreign: names that were refused before: not the ring's.
     """
     present = [entry for entry in entries(folder) if entry.name not in foreign]
-    total_bytes, needed_bytes = sum(entry.size_bytes for entry in present), missing_bytes()
-    makes_room = 0 < needed_bytes <= sum(one.size_bytes for one in present if _may_leave(folder / one.name))
+    total_bytes = sum(entry.size_bytes for entry in present)
+    is_short = missing_bytes() > 0
+    able_bytes = sum(entry.size_bytes for entry in present if is_short and _may_leave(folder / entry.name))
+    makes_room = is_short and missing_bytes() <= able_bytes
     trimmed = Trimmed()
     for entry in in_order_of_leaving(present, limit_bytes):
         if total_bytes <= limit_bytes and not (makes_room and missing_bytes() > 0):
@@ -176,6 +178,8 @@ def trim(
             pass
         except OSError as error:
             trimmed.refused[entry.name] = error.strerror or str(error)
+            makes_room = makes_room and missing_bytes() <= able_bytes - entry.size_bytes
+        able_bytes -= entry.size_bytes
         total_bytes -= entry.size_bytes
     return trimmed
 

@@ -1,5 +1,6 @@
 """The ring of recordings: what is kept, found by name, and deleted in order."""
 
+import fcntl
 import os
 from pathlib import Path
 from typing import Any
@@ -134,12 +135,14 @@ def test_an_open_file_is_missed_when_it_was_deleted_moved_cut_or_grew(tmp_path):
 
 
 class NearlyFullDisk(Disk):
-    """A disk that misses so much room, until files of 10 MB go."""
+    """A disk that misses so much room, until files of 10 MB go. stays: one that cannot be deleted."""
 
-    def __init__(self, missing_mb):
-        self.free_mb = 100 - missing_mb
+    def __init__(self, missing_mb, stays=None):
+        self.free_mb, self.stays = 100 - missing_mb, stays
 
     def remove(self, path):
+        if path == self.stays:
+            raise PermissionError(1, "Operation not permitted")
         path.unlink()
         self.free_mb += 10
 
@@ -147,9 +150,22 @@ class NearlyFullDisk(Disk):
         return self.free_mb * MB
 
 
-@pytest.mark.parametrize(("missing_mb", "left"), [(15, [False, False, True]), (31, [True, True, True])])
-def test_recordings_leave_for_the_disk_only_where_that_makes_the_room(tmp_path, missing_mb, left):
+@pytest.mark.parametrize(
+    ("missing_mb", "odd", "left"),
+    [
+        (15, "", [False, False, True]),
+        (31, "", [True, True, True]),
+        (25, "stays", [True, True, True]),
+        (25, "is being written", [True, True, True]),
+        (15, "stays", [True, False, False]),
+    ],
+)
+def test_recordings_leave_for_the_disk_only_where_that_makes_the_room(tmp_path, missing_mb, odd, left):
     paths = Odd(tmp_path, "refused").paths
-    ring = Ring(tmp_path, RecordingSettings(ring_mb=64, keep_free_mb=100), NearlyFullDisk(missing_mb), "boot")
-    assert ring.make_room() is (missing_mb < 30)
+    disk = NearlyFullDisk(missing_mb, paths[0] if odd == "stays" else None)
+    ring = Ring(tmp_path, RecordingSettings(ring_mb=64, keep_free_mb=100), disk, "boot")
+    with paths[0].open("rb") as file:
+        if odd == "is being written":
+            fcntl.flock(file, fcntl.LOCK_EX)
+        assert ring.make_room() is (False in left)
     assert [path.exists() for path in paths] == left
