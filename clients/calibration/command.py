@@ -80,6 +80,8 @@ def _calibrate(options: argparse.Namespace) -> int:
             return RemoteLink(car, deadman, say)
 
         so_far, measured = begin(now, options.wheelbase)
+        if OUTLINE not in wanted and (why := _refusal(so_far.now)):
+            raise CalibrationError(f"{why}; measure the outline in the same run")
         measured += drive_steps(open_link, driven_steps(wanted), so_far, always=options.yes)
         if SPEED in wanted and so_far.arcs is not None and so_far.arcs.fit.speed_factor.why and not options.yes:
             measured += _tape(open_link, so_far)
@@ -114,7 +116,12 @@ def finish(
 ) -> int:  # fmt: skip
     """Ask for what the car cannot see, show everything, and write what is accepted."""
     if OUTLINE in wanted and not yes:
-        measured += _outline(now)
+        known = dict(now) | {one.name: one.new for one in measured if one.new is not None}
+        outline = _outline(known)
+        while why := _refusal(known | {one.name: one.new for one in outline if one.new is not None}):
+            say(f"  {why}")
+            outline = _outline(known)
+        measured += outline
     for note in so_far.notes:
         say(note)
     if not measured:
@@ -192,8 +199,7 @@ def _outline(now: Mapping[str, float]) -> list[Proposal]:
     say("\noutline\n  Measure with a tape; Enter keeps the value.")
     found: list[Proposal] = []
     for name, words in OUTLINE_WORDS.items():
-        said = {**now, **{one.name: one.new for one in found if one.new is not None}}
-        length_m = asked(f"  {name}, {words} [{now[name]:g} m]: ", partial(_outline_m, said, name), None)
+        length_m = asked(f"  {name}, {words} [{now[name]:g} m]: ", partial(_outline_m, now, name), None)
         if length_m is not None:
             found.append(_by_hand(name, now, length_m, "by tape"))
     return found
@@ -202,12 +208,19 @@ def _outline(now: Mapping[str, float]) -> list[Proposal]:
 def _outline_m(now: Mapping[str, float], name: str, text: str) -> float:
     """Return a length of the outline; ValueError for one that the car's settings refuse."""
     length_m = _length_m(text)
-    section = {key.removeprefix("car."): value for key, value in {**now, name: length_m}.items() if key[:4] == "car."}
+    if why := _refusal({**now, name: length_m}):
+        raise ValueError(f"{text}: {why}")
+    return length_m
+
+
+def _refusal(values: Mapping[str, float]) -> str:
+    """Return why the car's settings refuse these values, "" where they do not."""
+    section = {key.removeprefix("car."): value for key, value in values.items() if key.startswith("car.")}
     try:
         Settings.model_validate({"car": section})
     except ValidationError as error:
-        raise ValueError(f"{text}: {str(error.errors()[0]['msg']).removeprefix('Value error, ')}") from None
-    return length_m
+        return str(error.errors()[0]["msg"]).removeprefix("Value error, ")
+    return ""
 
 
 def _length_m(text: str) -> float:

@@ -43,8 +43,8 @@ class CarSettings(Section):
         for name, place_m in (("wheelbase_m", self.wheelbase_m), ("lidar_x_m", self.lidar_x_m)):
             if self.front_m < place_m:
                 raise ValueError(
-                    f"front_m = {self.front_m:g} is less than {name} = {place_m:g}: it is measured from the rear axle"
-                    " to the front end"
+                    f"front_m = {self.front_m:g} is less than {name} = {place_m:g}: measure it from the rear axle to"
+                    " the front end"
                 )
         return self
 

@@ -124,6 +124,7 @@ def _written(imported: "Imported", options: argparse.Namespace) -> str:
     try:
         document = tomllib.loads(base)
         _keep_the_speed_limit(imported, document)
+        _lengthen(imported, document)
         for key, value in imported.settings.items():
             text = set_value(text, tuple(key.split(".")), value)
     except (RecursionError, ValueError) as error:
@@ -138,6 +139,17 @@ def _written(imported: "Imported", options: argparse.Namespace) -> str:
     if output is not None:
         replace(output, text.encode(), like=output.stat() if output.exists() else None)
     return text
+
+
+def _lengthen(imported: "Imported", document: Mapping[str, Any]) -> None:
+    """Take a longer car for a longer wheelbase: parameters of ROS do not have its ends."""
+    from wallride.runtime.control.vehicle import CarSettings
+
+    usual, wheelbase_m, car = CarSettings(), imported.settings.get("car.wheelbase_m"), document.get("car")
+    has_front = "car.front_m" in imported.settings or (isinstance(car, Mapping) and "front_m" in car)
+    if isinstance(wheelbase_m, float) and wheelbase_m > usual.front_m and not has_front:
+        front_m = round(wheelbase_m + usual.front_m - usual.wheelbase_m, 3)
+        imported.take("car.front_m", front_m, "as far beyond the front axle as usual: measure it")
 
 
 def _keep_the_speed_limit(imported: "Imported", document: Mapping[str, Any]) -> None:

@@ -125,14 +125,14 @@ def test_the_table_shows_before_and_after():
 
 
 def test_the_outline_is_asked_for_and_a_wrong_length_again(monkeypatch, capsys):
-    now = dict.fromkeys(OUTLINE_WORDS, 0.2)
+    now = dict.fromkeys(OUTLINE_WORDS, 0.5)
     answers = iter(["42", "0.1", "0,44", "wide", "", "0.16"])
     monkeypatch.setattr("builtins.input", lambda _text: next(answers))
     found = command._outline(now)
     assert [(one.name, one.new) for one in found] == [("car.front_m", 0.44), ("car.half_width_m", 0.16)]
     said = capsys.readouterr().out
     assert "42: Input should be less than or equal to 3" in said
-    assert "front_m = 0.1 is less than wheelbase_m = 0.33: it is measured from the rear axle to the front end" in said
+    assert "front_m = 0.1 is less than wheelbase_m = 0.33: measure it from the rear axle to the front end" in said
     assert "wide is not a length in metres" in said
 
 
@@ -140,3 +140,13 @@ def test_an_unknown_step_is_refused(capsys):
     with pytest.raises(SystemExit):
         build_parser().parse_args(["calibrate", "sped"])
     assert "is not a step" in capsys.readouterr().err
+
+
+def test_an_outline_that_what_was_measured_contradicts_is_asked_for_again(car_toml, monkeypatch, capsys):
+    now, wheelbase = dict.fromkeys(OUTLINE_WORDS, 0.42), Proposal("car.wheelbase_m", 0.33, 0.5, "by ruler")
+    answers = iter(["0.45", "", "", "", "0.6", "", "", "y"])
+    monkeypatch.setattr("builtins.input", lambda _text: next(answers))
+    progress = command.begin({"car.wheelbase_m": 0.33}, None)[0]
+    command.finish(car_toml, frozenset({command.OUTLINE}), now, progress, [wheelbase], yes=False)
+    assert "front_m = 0.42 is less than wheelbase_m = 0.5: measure it" in capsys.readouterr().out
+    assert (load_settings(car_toml).car.wheelbase_m, load_settings(car_toml).car.front_m) == (0.5, 0.6)

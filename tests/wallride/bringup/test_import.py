@@ -81,6 +81,13 @@ def test_values_that_the_settings_refuse_are_told_of_what_was_read(tmp_path, cap
     assert "imported.toml" not in err
 
 
+def test_a_long_wheelbase_makes_a_long_car_that_is_to_be_measured(tmp_path, capsys):
+    code, out, err = imported(tmp_path, capsys, "vesc_to_odom:\n  ros__parameters:\n    wheelbase: 0.5\n")
+    assert code == 0, err
+    assert "front_m = 0.59" in out
+    assert "look at    car.front_m = 0.59: as far beyond the front axle as usual: measure it" in err
+
+
 def test_a_ros_2_file(tmp_path, capsys):
     code, out, err = imported(tmp_path, capsys, ROS_2)
     assert code == 0
