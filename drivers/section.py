@@ -3,7 +3,9 @@
 Declared beside its reader, composed in `runtime.settings` and `sim.scenario`.
 """
 
-from typing import Any
+from collections.abc import Sequence
+from types import NoneType
+from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 
@@ -19,9 +21,21 @@ class Section(BaseModel):
     @field_validator("*", mode="before")
     @classmethod
     def _of_its_kind(cls, value: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - as it was given
-        kind = cls.model_fields[info.field_name or ""].annotation
-        if kind is bool and not isinstance(value, bool):
-            raise ValueError("must be true or false")
-        if kind in {int, float} and isinstance(value, bool | str):
-            raise ValueError("input should be a valid number, without quotes")
+        _check_kind(cls.model_fields[info.field_name or ""].annotation, value)
         return value
+
+
+def _check_kind(kind: Any, value: object) -> None:  # noqa: ANN401 - an annotation
+    """ValueError for what pydantic would take for a number or a boolean, and is none; also within tuples."""
+    if kind is bool and not isinstance(value, bool):
+        raise ValueError("must be true or false")
+    if kind in {int, float} and isinstance(value, bool | str):
+        raise ValueError("input should be a valid number, without quotes")
+    parts = [part for part in get_args(kind) if part is not NoneType]
+    many = get_origin(kind) in {tuple, list}
+    if get_origin(kind) is Annotated or (len(parts) == 1 and value is not None and not many):
+        _check_kind(parts[0], value)
+    elif many and isinstance(value, Sequence) and not isinstance(value, str):
+        same = len(parts) == 1 or parts[-1] is ...
+        for number, each in enumerate(value):
+            _check_kind(parts[0 if same else min(number, len(parts) - 1)], each)

@@ -244,7 +244,14 @@ def test_an_unknown_condition_is_answered_with_the_nearest(wrong, said):
         conditions_of(RequestedConditions(assignments=[wrong]))
 
 
-@pytest.mark.parametrize("tree", [{"vehicle": {"mass_kg": True}}, {"lidar": {"outlier_share": "0.1"}}])
+@pytest.mark.parametrize(
+    "tree",
+    [
+        {"vehicle": {"mass_kg": True}},
+        {"lidar": {"outlier_share": "0.1"}},
+        {"lidar": {"dirty_sectors": [[0.0, True, 0.5]]}},
+    ],
+)
 def test_a_condition_of_another_kind_is_refused(tree):
     with pytest.raises(ConditionsError, match="input should be a valid number, without quotes"):
         checked_conditions(tree)
