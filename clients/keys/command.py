@@ -3,6 +3,7 @@
 import argparse
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -30,8 +31,9 @@ def run(options: argparse.Namespace, car: str) -> list[str]:
     """Run the requested action and return the lines to print; KeysError with a remedy."""
     actions = {"init": _init, "add": _add, "revoke": _revoke, "list": _list, "router": _router}
     try:
-        if (options.dir / f"{CAR}.pem").exists():  # the folder tells, whatever the settings of this computer are
-            car = _car_identity(options.dir).name if options.action in {"add", "revoke"} else car
+        if options.action in {"add", "revoke"}:  # the folder tells, whatever the settings of this computer are
+            with suppress(KeysError, FileNotFoundError):
+                car = _car_identity(options.dir).name
         return actions[options.action](options, car, datetime.now(UTC))
     except PermissionError as error:
         where = error.filename or options.dir

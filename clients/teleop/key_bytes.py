@@ -17,8 +17,10 @@ LONE_ESCAPE_S = 0.1
 LONE = {b"\x1b", b"\x1b[", b"\x1bO"}
 """The key alone, or with one of the two that a sequence has next."""
 
-SEQUENCE = re.compile(rb"\x1b\[(?P<mark>[<=>?[]?)(?P<numbers>[0-9:;]*)(?P<final>[A-Za-z~])|\x1bO(?P<letter>[A-Z])")
-UNFINISHED = re.compile(rb"\x1b(\[[<=>?[]?[0-9:;]{0,32}|O)?")
+SEQUENCE = re.compile(
+    rb"\x1b\[(?P<mark>[<=>?[]?)(?P<numbers>[0-9:;]*)(?P<final>[A-Za-z~$^@])|\x1bO[0-9;]*(?P<letter>[A-Za-z])"
+)
+UNFINISHED = re.compile(rb"\x1b(\[[<=>?[]?[0-9:;]{0,32}|O[0-9;]{0,8})?")
 ARROWS = {"A": "up", "B": "down", "C": "right", "D": "left"}
 CODES = {27: "escape", 32: "space", 57441: "shift", 57447: "shift"}
 ACTS = {1: Act.PRESS, 2: Act.REPEAT, 3: Act.RELEASE}

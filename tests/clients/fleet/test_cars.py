@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+import re
 import time
 from functools import partial
 from types import SimpleNamespace
@@ -233,6 +234,9 @@ async def test_an_endpoint_that_can_have_no_session_keeps_no_other_car_driving(o
     parsed, said = stop_options("--all", "--connect", other, "--keys", str(tmp_path))
     assert await fleet_stop.run(parsed) == 1
     assert said[0].startswith("nothing was stopped: ")
+    parsed, _ = stop_options("--connect", other, "--keys", str(tmp_path))
+    with pytest.raises(ConnectionProblemError, match=f"nothing was stopped: .*{re.escape(other)}"):
+        await fleet_stop.run(parsed)
 
 
 async def test_a_car_whose_name_is_announced_as_a_recording_is_stopped_and_confirms_all_the_same():
