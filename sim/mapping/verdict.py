@@ -109,7 +109,10 @@ def _reasons(verdict: MapVerdict, gap_at_s: float, end: str, *, is_open: bool) -
 
 def _ring_gap(lap: ClosedLap, loops: Sequence[Edge]) -> str:
     if loops:
-        return "the lap meets its beginning only where the scans hide a direction; drive on to the next corner"
+        return (
+            "the lap meets its beginning only where the scans hide a direction; drive on to the next corner"
+            " (--open takes it as it is)"
+        )
     ends: Floats = between(lap.poses[0], lap.poses[-1])
     return f"the drive ends {np.hypot(*ends[:2]):.1f} m from its beginning; drive on past the start, one corner or more"
 
