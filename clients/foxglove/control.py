@@ -8,7 +8,7 @@ import asyncio
 import math
 import secrets
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 from wallride.clients.connection import ConnectionProblemError
@@ -23,24 +23,32 @@ from wallride.runtime.wire.teleop import Input, Malformed, read_beat
 
 NAME = "foxglove"
 PERIOD_S, PRESSED_STEPS = 0.02, 25
+INSIST_S = 5.0
+"""Time for which the e-stop is repeated without a confirmation by the car, as by the page."""
+UNCONFIRMED = "the car did not confirm the e-stop: stop it by hand"
 ANSWER_WITHIN_S = 4.0
 BYTES = "application/octet-stream"
 
 
 class EStop:
-    """Presses the e-stop of a car, as an operator's client does: for half a second, each command echoing a beat."""
+    """Presses the e-stop of a car, as an operator's client does: half a second, and on until the car confirms it."""
 
     def __init__(self, bus: Bus, car: str) -> None:
         self._bus = bus
         self._car = car
         self._pilot = Pilot(secrets.randbits(63) + 1, NAME, InputShape())
-        self._steps_left = 0
+        self._steps_left, self._until_s = 0, 0.0
+        self._tell: list[Callable[[str], None]] = []
         self._pressing: asyncio.Task[None] | None = None
         bus.subscribe(topics.key(car, topics.BEAT), self._hear)
 
-    def press(self) -> None:
-        """Hold the e-stop from now on until the car has certainly received it."""
-        self._steps_left = PRESSED_STEPS
+    def press(self, tell: Callable[[str], None]) -> None:
+        """Hold the e-stop from now on until a beat from after it says that it is latched, at most INSIST_S.
+
+        tell: is told where none did.
+        """
+        self._steps_left, self._until_s = PRESSED_STEPS, time.monotonic() + INSIST_S
+        self._tell.append(tell)
         if self._pressing is None or self._pressing.done():
             self._pressing = asyncio.ensure_future(self._hold())
 
@@ -51,13 +59,20 @@ class EStop:
             return  # the next one comes 50 ms later
 
     async def _hold(self) -> None:
-        while self._steps_left > 0:
+        while self._steps_left > 0 or (self._is_pending and time.monotonic() < self._until_s):
+            pressed, now_s = frozenset({Control.ESTOP} if self._steps_left > 0 else ()), time.monotonic()
             self._steps_left -= 1
-            now_s = time.monotonic()
-            held = Inputs(Input.SCRIPT, live=True, event_s=now_s, pressed=frozenset({Control.ESTOP}), device=NAME)
+            held = Inputs(Input.SCRIPT, live=True, event_s=now_s, pressed=pressed, device=NAME)
             self._put(self._pilot.step(held, now_s).pack())
             await asyncio.sleep(PERIOD_S)
+        for tell in self._tell if self._is_pending else ():
+            tell(UNCONFIRMED)
+        self._tell.clear()
         self._put(self._pilot.goodbye(Input.SCRIPT).pack())
+
+    @property
+    def _is_pending(self) -> bool:
+        return self._pilot.situation is None or self._pilot.situation.stop_pending
 
     def _put(self, payload: bytes) -> None:
         self._bus.put(topics.key(self._car, topics.COMMAND), payload, encoding=BYTES, urgent=True)

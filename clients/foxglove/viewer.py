@@ -171,7 +171,7 @@ class Viewer:
                 message = topics.decode(data)
                 self._operations[message["op"]](message)
             elif len(data) >= _HEAD.size and _HEAD.unpack_from(data)[1] in self._stops:
-                self._served.stop.press()
+                self._served.stop.press(lambda words: self._say("status", level=ERROR, message=words))
         except (KeyError, TypeError, ValueError, struct.error) as error:
             self._say("status", level=ERROR, message=f"not understood: {type(error).__name__}")
 

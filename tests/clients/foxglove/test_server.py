@@ -10,7 +10,7 @@ import aiohttp
 import pytest
 
 from tests.clients.monitor.fake_car import FakeCar
-from wallride.clients.foxglove import server, viewer
+from wallride.clients.foxglove import control, server, viewer
 from wallride.runtime.recording.channels import text_of
 from wallride.runtime.ros.definitions import TYPES, encoding
 from wallride.runtime.ros.messages import float32
@@ -149,6 +149,18 @@ async def test_a_viewer_presses_the_e_stop_and_nothing_else():
         assert not car.e_stop.latched
         await viewer.send_bytes(b"\x01" + (2).to_bytes(4, "little") + b"{}")
         await car.until(lambda: car.e_stop.latched, "the e-stop is latched")
+
+
+async def test_an_e_stop_that_no_car_confirms_is_repeated_and_said(car, address, monkeypatch):
+    monkeypatch.setattr(control, "INSIST_S", 1.0)
+    bus, _ = car
+    pressed = []
+    bus.subscribe(topics.key("car1", topics.COMMAND), lambda _key, payload, _s: pressed.append(payload))
+    async with visiting(address) as viewer:
+        await viewer.send_json({"op": "advertise", "channels": [CHANNEL | {"id": 1, "topic": "/e_stop"}]})
+        await viewer.send_bytes(PRESS)
+        assert (await answer(viewer, "status"))["message"] == control.UNCONFIRMED
+    assert len(pressed) > control.PRESSED_STEPS + 5
 
 
 async def test_numbers_of_channels_are_each_viewers_own():
