@@ -32,8 +32,8 @@ class ScriptedHand:
     """
 
     def __init__(self, max_speed_mps: float, max_steering_rad: float) -> None:
-        if not (max_speed_mps > 0 and max_steering_rad > 0):
-            raise ValueError("max_speed_mps and max_steering_rad must be positive")
+        if not (0 < max_speed_mps < math.inf and 0 < max_steering_rad < math.inf):
+            raise ValueError("max_speed_mps and max_steering_rad must be positive and finite")
         self.shape = InputShape(max_speed_mps, max_steering_rad, deadzone=0.0, expo=0.0, ramp_mps2=NO_RAMP_MPS2)
         self.trouble = ""
         self.driving = self.asked = self.stopping = False

@@ -59,6 +59,9 @@ class LoopThread:
         except concurrent.futures.CancelledError:
             self.check_open()
             raise
+        except BaseException:  # a Ctrl-C ends the call, not only the wait for it
+            result.cancel()
+            raise
 
     def close(self) -> None:
         """End all calls, then the sessions, then the thread; harmless when it has ended."""

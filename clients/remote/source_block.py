@@ -45,7 +45,12 @@ class SourceBlock(ABC):
         self._loop: asyncio.Task[None] | None = None
 
     def __enter__(self) -> Self:
-        self._thread.call(self._begin())
+        try:
+            self._thread.call(self._begin())
+        except BaseException:  # a Ctrl-C too: what has begun would keep the car
+            if not self._thread.is_closed:
+                self._thread.call(self._end(orderly=True))
+            raise
         return self
 
     def __exit__(
@@ -54,8 +59,12 @@ class SourceBlock(ABC):
         if self._thread.is_closed:  # that ended the block, as a lost source
             return
         self._thread.call(self._end(orderly=error is None and not self._hand.trouble))
-        if error is None and not self._told and (why := self._unobeyed()):
+        if self._told or not (why := self._unobeyed()):
+            return
+        if error is None:
             raise self._refused(why, f"begin anew with {self._call}")
+        if self._hand.stopping:  # the other error must not hide that the car may drive on
+            error.add_note(why)
 
     def send(self, speed_mps: float, steering_rad: float) -> None:
         """Ask for this drive for 0.2 s; the error of the block once the car no longer obeys this script."""

@@ -1,6 +1,7 @@
 """Blocks in which a script drives a car: how they begin, end and fail, and that they stop the car."""
 
 import asyncio
+import concurrent.futures
 import math
 import time
 
@@ -185,6 +186,42 @@ async def test_an_e_stop_that_the_car_does_not_confirm_is_an_error():
         assert car.flags.count(Press.ESTOP) > 10, "repeated all the while"
 
 
+async def test_an_e_stop_that_is_not_confirmed_is_said_beside_another_error_of_the_block():
+    def stop_and_fail(remote):
+        with remote.drive() as hand:
+            hand.e_stop()
+            raise ValueError("mine")
+
+    def script(remote):
+        with pytest.raises(ValueError, match="mine") as caught:
+            stop_and_fail(remote)
+        (note,) = caught.value.__notes__
+        assert "stop it by hand" in note
+
+    async with FakeCar(obeys=False) as car:
+        await at(car, script)
+
+
+async def test_a_begin_that_ctrl_c_interrupts_leaves_nothing_that_drives(monkeypatch):
+    real = concurrent.futures.Future.result
+
+    def interrupted(future, timeout=None):
+        monkeypatch.undo()
+        with pytest.raises(TimeoutError):
+            real(future, 0.3)
+        raise KeyboardInterrupt
+
+    def script(remote):
+        monkeypatch.setattr(concurrent.futures.Future, "result", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            remote.drive().__enter__()
+        assert not [task for task in asyncio.all_tasks(remote._thread._loop) if task.get_name() == "drive"]
+
+    async with FakeCar() as car:
+        car.beating = False
+        await at(car, script)
+
+
 async def test_a_car_without_a_heartbeat_cannot_be_driven():
     async with FakeCar() as car:
         car.beating = False
@@ -196,6 +233,8 @@ async def test_a_car_without_a_heartbeat_cannot_be_driven():
                 remote.drive().send(1.0, 0.0)
             with pytest.raises(ConnectionProblemError, match="must be positive"):
                 remote.drive(max_speed_mps=math.nan)
+            with pytest.raises(ConnectionProblemError, match="positive and finite"):
+                remote.plan("slam", max_steering_rad=math.inf)
 
         await at(car, script)
 
