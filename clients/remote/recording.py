@@ -1,6 +1,7 @@
 """A recording read like a car: the same topics, the same values, whole or cut off at any byte."""
 
 import tomllib
+import warnings
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -104,7 +105,7 @@ class RecordedCar:
             )
 
     def _messages(self) -> Iterator[_Raw]:
-        """Yield the messages as far as the file is complete."""
+        """Yield the messages as far as the file is complete, with a warning for each piece inside that is damaged."""
         from mcap import records
         from mcap.stream_reader import StreamReader
 
@@ -113,7 +114,8 @@ class RecordedCar:
         try:
             with self.path.open("rb") as file:
                 reader = StreamReader(file, emit_chunks=True, record_size_limit=MAX_RECORD_B)
-                for record in Unpacking(self.path.stat().st_size).records(reader.records):
+                unpacking = Unpacking(self.path.stat().st_size)
+                for record in (one for outer in reader.records for one in self._unpacked(unpacking, outer)):
                     match record:
                         case records.Schema():
                             schemas[record.id] = record.name
@@ -129,6 +131,23 @@ class RecordedCar:
             raise ConnectionProblemError(f"{self.path}: {error}") from None
         except Exception:  # noqa: BLE001 - a parser that meets a torn end raises anything; what was before it is yielded
             return
+
+    def _unpacked(self, unpacking: Unpacking, record: Any) -> Iterator[Any]:  # noqa: ANN401 - mcap's
+        """Yield a record, or those in a chunk."""
+        from mcap.records import Chunk
+
+        if not isinstance(record, Chunk):
+            yield from unpacking.records([record])
+            return
+        try:
+            yield from unpacking.inside(record)
+        except UnpackingError:
+            raise
+        except Exception as error:  # noqa: BLE001 - a parser that meets damage raises anything
+            begin_s, end_s = record.message_start_time / NS, record.message_end_time / NS
+            warnings.warn(
+                f"{self.path}: {end_s - begin_s:.1f} s of messages are damaged and left out ({error})", stacklevel=2
+            )
 
 
 def _flat(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 import wallride
 from tests.docs.test_source_rules import ROOT
@@ -118,6 +119,21 @@ def test_a_recording_reads_like_a_car_also_when_it_is_torn(drive, tmp_path):
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(drive[0].read_bytes()[: drive[0].stat().st_size // 2])
     assert 50 < len(list(wallride.open_recording(torn).topic("scan"))) < len(scans)
+
+
+def test_a_damaged_piece_of_a_recording_is_left_out_with_a_warning(drive, tmp_path):
+    with drive[0].open("rb") as file:
+        chunks = make_reader(file).get_summary().chunk_indexes
+    middle, data = chunks[len(chunks) // 2], bytearray(drive[0].read_bytes())
+    at = middle.chunk_start_offset + middle.chunk_length // 2
+    data[at : at + 8] = bytes(255 - byte for byte in data[at : at + 8])
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(data)
+    whole = list(wallride.open_recording(drive[0]).topic("odom"))
+    with pytest.warns(UserWarning, match="messages are damaged and left out"):
+        left = list(wallride.open_recording(damaged).topic("odom"))
+    assert whole[-1].stamp_s == left[-1].stamp_s
+    assert 0 < len(left) < len(whole)
 
 
 async def test_a_recording_is_read_by_async_loops_too(drive):
