@@ -35,7 +35,7 @@ async def run(options: argparse.Namespace) -> int:
 
 async def ask(bus: Bus, car: str, what: str, timeout_s: float = ANSWER_WITHIN_S, **question: object) -> dict[str, Any]:
     """Send one request to a car's parameter server; RefusedError with its reason, ConnectionProblemError on timeout."""
-    payload = json.dumps(question).encode()
+    payload = json.dumps(question, default=_plain).encode()
     try:
         answers = await bus.ask(topics.key(car, f"{topics.PARAM}/{what}"), payload, timeout_s=timeout_s)
     except TimeoutError:
@@ -44,6 +44,13 @@ async def ask(bus: Bus, car: str, what: str, timeout_s: float = ANSWER_WITHIN_S,
         raise ConnectionProblemError(f"{car} does not answer param/{what}: {why_unanswered(by_keys=bus.is_by_keys)}")
     with reading(car, "answer"):
         return topics.decode(answers[0])
+
+
+def _plain(value: Any) -> object:  # noqa: ANN401 - whatever a program sets
+    """Return a number of numpy as one of Python; TypeError for what is none."""
+    if not hasattr(value, "item"):
+        raise TypeError(f"a {type(value).__name__} is no value of a setting")
+    return value.item()
 
 
 def parsed(assignments: Sequence[str]) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""The front door: the `wallride` command, and from Python `connect` and `open_recording`.
+"""The front door: the `wallride` command, and from Python `connect`, `open_recording` and the errors that they raise.
 
 Everything else is imported when it is needed, never before.
 """
@@ -7,10 +7,33 @@ TYPE_CHECKING = False  # that of `typing`, whose import is long enough for a Ctr
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from wallride.clients.connection import ConnectionProblemError
+    from wallride.clients.decoding import UnreadableError
     from wallride.clients.remote.car import RemoteCar
+    from wallride.clients.remote.driver import DriveRefusedError
+    from wallride.clients.remote.planner import PlanRefusedError
     from wallride.clients.remote.recording import RecordedCar
+    from wallride.runtime.wire.network import RefusedError
 
-__all__ = ["connect", "open_recording"]
+__all__ = [
+    "ConnectionProblemError", "DriveRefusedError", "PlanRefusedError", "RefusedError", "UnreadableError", "connect",
+    "open_recording",
+]  # fmt: skip
+_ERRORS = {
+    "ConnectionProblemError": "wallride.clients.connection",
+    "DriveRefusedError": "wallride.clients.remote.driver",
+    "PlanRefusedError": "wallride.clients.remote.planner",
+    "RefusedError": "wallride.runtime.wire.network",
+    "UnreadableError": "wallride.clients.decoding",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _ERRORS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(_ERRORS[name]), name)
 
 
 def connect(

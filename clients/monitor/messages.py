@@ -48,7 +48,7 @@ class InputState(_PageMessage):
     speed: Stick
     steering: Stick
     pad: bool = False
-    age_ms: Annotated[int, Field(ge=0)] = 0
+    age_ms: U32 = 0
     share: Share = 1.0
 
     @property

@@ -37,6 +37,8 @@ Ask = Callable[..., Mapping[str, Any]]
 DEFAULT_AT: Final = "tcp/127.0.0.1:7447"
 BUFFER: Final = 1000
 SILENT_S: Final = 5.0
+SELDOM_S: Final = 15.0
+"""Longest silence of topics that change once a drive, and come every 5 s."""
 
 
 class RemoteParameters:
@@ -118,19 +120,22 @@ class RemoteCar:
         for stream in streams:
             stream.close()
 
-    def topic(self, name: str, *, newest: bool = False, timeout_s: float = SILENT_S) -> Stream[Any]:
+    def topic(self, name: str, *, newest: bool = False, timeout_s: float | None = None) -> Stream[Any]:
         """Return an iterator over the values of a topic, for `for` and `async for`.
 
         newest: skip what came while the last value was worked on, as a controller wants it; else up to BUFFER values
-        wait. timeout_s: maximum wait for a value, then a ConnectionProblemError.
+        wait. timeout_s: maximum wait for a value, then a ConnectionProblemError; by default 5 s, 15 s for what comes
+        seldom.
         """
+        if timeout_s is None:
+            timeout_s = SELDOM_S if name in topics.LASTING else SILENT_S
         return self._stream((name,), lambda raw: value_of(*raw), newest=newest, timeout_s=timeout_s)
 
     def topics(self, *names: str, timeout_s: float = SILENT_S) -> Stream[tuple[str, Any]]:
         """Return an iterator over topic and value of several topics, in the order of their arrival."""
         return self._stream(names, lambda raw: (raw[0], value_of(*raw)), newest=False, timeout_s=timeout_s)
 
-    def latest(self, name: str, *, timeout_s: float = SILENT_S) -> Any:  # noqa: ANN401 - a value of the topic
+    def latest(self, name: str, *, timeout_s: float | None = None) -> Any:  # noqa: ANN401 - a value of the topic
         """Return the next value of a topic."""
         stream = self.topic(name, newest=True, timeout_s=timeout_s)
         try:

@@ -234,3 +234,10 @@ def test_a_file_that_holds_no_car_is_a_clear_error(tmp_path, content):
 def test_points_are_computed_in_numpy():
     scan = ScanSample(0.0, 0.0, math.pi / 2, 0.0, 10.0, np.array([1.0, 2.0, math.nan]))
     np.testing.assert_allclose(scan.points_m, [[1.0, 0.0, math.nan], [0.0, 2.0, math.nan]], atol=1e-12)
+
+
+def test_the_errors_are_at_the_front_door():
+    for name in wallride.__all__:
+        assert callable(getattr(wallride, name))
+    with pytest.raises(AttributeError, match="has no attribute 'Mistake'"):
+        _ = wallride.Mistake
