@@ -16,7 +16,7 @@ from wallride.runtime.control.method_settings import WallFollowSettings
 from wallride.runtime.control.perception.geometry import Floats
 from wallride.runtime.control.safety.promised_way import MOTOR_BRAKE_MPS2
 from wallride.runtime.control.vehicle import CarSettings
-from wallride.runtime.map_files import CarMap, MapError, fingerprint, read_map
+from wallride.runtime.map_files import WALLS_SUFFIX, CarMap, MapError, fingerprint, read_map, read_settings
 from wallride.runtime.settings.pose_map import PoseMapSettings
 
 LINE_SUFFIX: Final = ".line.csv"
@@ -192,6 +192,16 @@ def read_course(settings: PoseMapSettings, car: CarSettings) -> RaceCourse | Non
     if line is not None and known.grid is not None and (why_not := _through_walls(line, known.grid)):
         raise MapError(f"{named}: {why_not} of {path}. {AGAIN}")
     return course_of(known, settings.start, car, line)
+
+
+def files_of_course(settings: PoseMapSettings) -> list[Path]:
+    """Return the files that `read_course` reads, none for no map. Raises: MapError."""
+    if not settings.file:
+        return []
+    path = Path(settings.file).expanduser()
+    line = Path(settings.line).expanduser() if settings.line else path.with_name(path.stem + LINE_SUFFIX)
+    files = (path, read_settings(path).image, path.with_name(path.stem + WALLS_SUFFIX), line)
+    return [file for file in files if file.is_file()]
 
 
 def check_course(file: Path) -> None:

@@ -10,7 +10,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
+from wallride.runtime.control.own_laws.law_class import is_own
 from wallride.runtime.host.user_module import search_in
+from wallride.runtime.line_files import read_course
+from wallride.runtime.map_files import MapError
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.car.vehicle_settings import VehicleSettings
 from wallride.sim.scenario.conditions import NO_PARTS, Conditions, ConditionsError, own_parts_fields
@@ -91,8 +94,15 @@ def load_scenario(path: Path, config: Path | None = None, assignments: Sequence[
         raise text.mistake(place, _sentence(first)) from None
     search_in(path.absolute().parent)
     assignments = [*(f"{name}={json.dumps(value)}" for name, value in flat(content.settings).items()), *assignments]
-    assignments = [f"process.laws_folder={json.dumps(str(path.absolute().parent))}", *assignments]
     settings = _settings(text, config, assignments, list(flat(content.settings)))
+    drivers = settings.wall_follow.method, settings.safety.method, settings.lidar.driver, settings.motor.driver
+    if any(map(is_own, drivers)):
+        assignments = [f"process.laws_folder={json.dumps(str(path.absolute().parent))}", *assignments]
+        settings = _settings(text, config, assignments, list(flat(content.settings)))
+    try:
+        read_course(settings.map, settings.car)
+    except MapError as error:
+        raise text.mistake(("settings", "map", "file"), str(error)) from None
     world = _world(text, content, settings)
     _check_times(text, content)
     _check_laps(text, content, world)

@@ -3,8 +3,10 @@
 import asyncio
 
 from wallride.drivers.vesc.app_config import RECOMMENDED_TIMEOUT_S
-from wallride.runtime.app import Car
+from wallride.runtime.app import Car, CarSurroundings
 from wallride.runtime.arbitration.command import DriveCommand
+from wallride.runtime.control.line_following.course import RaceCourse
+from wallride.runtime.line_files import read_course
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.car.vehicle import Vehicle
 from wallride.sim.figures.summary import Sample
@@ -30,7 +32,8 @@ def drive_scenario(scenario: Scenario) -> DrivenScenario:
             scenario.world, loop.time, start=scenario.start, vehicle=conditions.vehicle,
             lidar=conditions.lidar, obstacles=scenario.obstacles, seed=content.seed,
         )  # fmt: skip
-        stage = Stage(_virtual(scenario.settings), twin)
+        course = read_course(scenario.settings.map, scenario.settings.car)
+        stage = Stage(_virtual(scenario.settings), twin, course)
         for moment in moments_of(content.fault):
             loop.call_at(moment.at_s, moment.apply, stage, conditions.lidar, conditions.vehicle.grip_mu)
         return await stage.play(content.duration_s)
@@ -41,12 +44,13 @@ def drive_scenario(scenario: Scenario) -> DrivenScenario:
 class Stage:
     """Car, devices and world of one drive, and its record. Implements FaultyCar."""
 
-    def __init__(self, settings: Settings, twin: TwinWorld) -> None:
+    def __init__(self, settings: Settings, twin: TwinWorld, course: RaceCourse | None = None) -> None:
         self._loop = asyncio.get_running_loop()
         self.clock = self._loop.time
         self.twin = twin
         self.sensor, self.motor = WorldLidar(twin, self.clock), WorldMotor(twin, self.clock)
-        self.car = Car(settings, self.sensor, self.motor, MemoryBus(self.clock, listened_to=False), self.clock)
+        bus, beside = MemoryBus(self.clock, listened_to=False), CarSurroundings(course=course)
+        self.car = Car(settings, self.sensor, self.motor, bus, self.clock, beside)
         self.driven = DrivenScenario(wire=self.motor.wire)
         self._stop = asyncio.Event()
 

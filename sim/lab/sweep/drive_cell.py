@@ -14,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from wallride.runtime.control.laws import LawStack, own_law_mistakes
 from wallride.runtime.control.own_laws.law_class import is_own, load_law
+from wallride.runtime.line_files import files_of_course, read_course
 from wallride.runtime.map_files import read_settings
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.car.vehicle_settings import VehicleSettings
@@ -111,9 +112,10 @@ def file_digest(path: Path) -> str:
 
 
 def settings_hash(cell: DriveCell, setup: DriveSetup) -> str:
-    """Return the hash of a cell's conditions; of a map its files count."""
+    """Return the hash of a cell's conditions; of maps and a race line their files count."""
     world = str(cell.get("world", "loop"))
     files = (Path(world), read_settings(Path(world)).image) if is_map(world) else ()
+    files = (*files, *files_of_course(setup.settings.map))
     return digest("\n".join([setup.digest(), *map(file_digest, files)]))
 
 
@@ -124,6 +126,8 @@ def setup_of(cell: DriveCell) -> DriveSetup:
     seed = cell.get("seed", 0)
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise CellMistakeError("seed", f"seed = {seed!r}: give a whole number from 0 on")
+    with _about("map.file"):
+        read_course(settings.map, settings.car)
     with _about("world"):
         world = _world(str(cell.get("world", "loop")), side, seed)
     with _about("obstacles"):
@@ -206,7 +210,7 @@ def drive_setup(setup: DriveSetup) -> SimulatedRun:
     wall_follow, safety, car = settings.wall_follow, settings.safety, settings.car
     if mistakes := own_law_mistakes(wall_follow, safety, car):
         raise LawError("; ".join(mistakes))
-    laws = LawStack(wall_follow, safety, car)
+    laws = LawStack(wall_follow, safety, car, course=read_course(settings.map, car))
     driven = drive(setup.case, laws.follower, laws.judge if setup.with_safety else None)
     if laws.own_law_fault:
         raise LawError(laws.own_law_fault)

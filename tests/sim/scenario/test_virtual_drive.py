@@ -10,9 +10,14 @@ import pytest
 
 from tests.sim.scenario.test_scenario_file import EXAMPLES
 from tests.typed import typed
+from wallride.sim.lab.sweep.drive_cell import CellMistakeError, DriveCell, measure, setup_of
+from wallride.sim.races.mapped_lap import map_course, map_file
+from wallride.sim.races.race_cell import RaceCell, planned_line
+from wallride.sim.racing.line_file import text_of
 from wallride.sim.scenario.command import run
 from wallride.sim.scenario.driven import DrivenScenario, judge
 from wallride.sim.scenario.scenario_file import load_scenario
+from wallride.sim.scenario.toml_lines import FileMistakeError
 from wallride.sim.scenario.virtual_drive import drive_scenario
 from wallride.sim.world.pose import Pose
 
@@ -180,3 +185,26 @@ def test_a_law_beside_the_file_is_found(tmp_path):
         check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr + done.stdout
+
+
+def test_a_scenario_races_on_the_map_that_it_names(file_of, tmp_path):
+    assert not map_course("loop", tmp_path)
+    file = map_file("loop", tmp_path)
+    cell = RaceCell("races", "loop", "line+swept", 4.0, 0.8, "left", 1)
+    file.with_name("loop.line.csv").write_text(text_of(planned_line(cell, file), "loop"))
+    text = 'world = "loop"\nduration_s = 4.0\n[settings]\nwall_follow.method = "line"\n'
+    scenario = load_scenario(file_of(f'{text}map.file = "{file}"\n'))
+    assert "race line" in drive_scenario(scenario).reasons
+    with pytest.raises(FileMistakeError, match=r"some.toml:5: .*none.yaml"):
+        load_scenario(file_of(f'{text}map.file = "{tmp_path}/none.yaml"\n'))
+    cells = [
+        DriveCell.of({"law": "line", "world": "loop", "duration_s": 4.0, "map.file": str(name)})
+        for name in (file, tmp_path / "none.yaml")
+    ]
+    assert measure(cells[0])["last_reason"] == "race line"
+    with pytest.raises(CellMistakeError, match=r"none.yaml"):
+        setup_of(cells[1])
+
+
+def test_only_a_scenario_with_code_of_the_users_names_its_folder(file_of):
+    assert not any("laws_folder" in one for one in load_scenario(file_of(HEAD)).assignments)
