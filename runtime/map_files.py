@@ -27,6 +27,8 @@ SURELY_FREE_BELOW: Final = 0.1
 """Highest occupancy of a free cell; antialiased edges and the 205 of "unknown" (0.196) lie above it."""
 CELL_M: Final = (0.001, 10.0)
 """Smallest and largest cell of a map that a car drives in."""
+ORIGIN_M: Final = 1e7
+"""Largest coordinate of a map's corner: UTM has such, and a double is exact to nanometres there."""
 FIELD_CELL_M: Final = (0.02, 0.11)
 """Smallest and largest cell of a map on which a pose is found."""
 WALLS_SUFFIX: Final = ".walls.csv"
@@ -95,10 +97,11 @@ def read_settings(path: Path) -> MapSettings:
         raise ValueError(
             f"{path}: not a map file; it needs an image, a resolution in m, and an origin of three numbers: [x, y, yaw]"
         ) from error
-    if not (CELL_M[0] <= cell_m <= CELL_M[1] and all(map(math.isfinite, (x_m, y_m, yaw_rad)))):
+    is_near = all(abs(value) <= ORIGIN_M for value in (x_m, y_m)) and math.isfinite(yaw_rad)
+    if not (CELL_M[0] <= cell_m <= CELL_M[1] and is_near):
         raise ValueError(
-            f"{path}: resolution must be {CELL_M[0]:g} to {CELL_M[1]:g} m and origin finite, not {cell_m} and"
-            f" {(x_m, y_m, yaw_rad)}"
+            f"{path}: resolution must be {CELL_M[0]:g} to {CELL_M[1]:g} m and origin within {ORIGIN_M:g} m, not"
+            f" {cell_m} and {(x_m, y_m, yaw_rad)}"
         )
     if occupied_thresh < free_thresh:
         raise ValueError(f"{path}: occupied_thresh, {occupied_thresh:g}, is below free_thresh, {free_thresh:g}")

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -42,6 +43,7 @@ def run(options: argparse.Namespace) -> int:
         **asdict(verdict), "scale": lap.car.scale, "trim_rad": lap.car.trim_rad,
         "map": str(stem.with_name(f"{stem.name}.yaml")),
     }  # fmt: skip
+    told = {key: None if isinstance(one, float) and not math.isfinite(one) else one for key, one in told.items()}
     write_answer(json.dumps(told) + "\n", options.json)
     if options.json != "-":
         written = f"written: {', '.join(map(str, files))}"

@@ -97,7 +97,7 @@ def _reasons(verdict: MapVerdict, gap_at_s: float, end: str, *, is_open: bool) -
         yield f"scans are missing for {verdict.gap_s:.1f} s at {gap_at_s:.1f} s while the car moved"
     if verdict.unmatched > max(1, UNMATCHED_SHARE * verdict.keyframes):
         yield f"{verdict.unmatched} of {verdict.keyframes} places fit none before them"
-    if not verdict.residual_m <= RESIDUAL_M:
+    if verdict.residual_m > RESIDUAL_M:
         yield f"the scans lie {1000 * verdict.residual_m:.0f} mm beside each other (rms; at most {1000 * RESIDUAL_M:g})"
     if verdict.inliers < INLIERS:
         yield f"at some places only {100 * verdict.inliers:.0f} % of the points fit"

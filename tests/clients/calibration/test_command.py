@@ -147,6 +147,6 @@ def test_an_outline_that_what_was_measured_contradicts_is_asked_for_again(car_to
     answers = iter(["0.45", "", "", "", "0.6", "", "", "y"])
     monkeypatch.setattr("builtins.input", lambda _text: next(answers))
     progress = command.begin({"car.wheelbase_m": 0.33}, None)[0]
-    command.finish(car_toml, frozenset({command.OUTLINE}), now, progress, [wheelbase], yes=False)
+    command.finish(car_toml, frozenset({"outline"}), now, progress, [wheelbase], yes=False)
     assert "front_m = 0.42 is less than wheelbase_m = 0.5: measure it" in capsys.readouterr().out
     assert (load_settings(car_toml).car.wheelbase_m, load_settings(car_toml).car.front_m) == (0.5, 0.6)
