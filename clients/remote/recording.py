@@ -78,17 +78,20 @@ class RecordedCar:
         text = next((text_of(raw.data) for raw in self._messages() if raw.topic == SETTINGS), b"")
         return dict(_flat(tomllib.loads(text.decode())))
 
-    def topic(self, name: str) -> RecordedStream[Any]:
-        """Return an iterable over the values of a topic, in the order of the file."""
+    def close(self) -> None:
+        """Do nothing, for programs that read cars as well: nothing is open between two iterations."""
+
+    def topic(self, name: str, **_: object) -> RecordedStream[Any]:
+        """Return an iterable over the values of a topic, in the order of the file; options of a car do nothing."""
         self._check((name,))
         return RecordedStream(lambda: (raw.value() for raw in self._messages() if raw.topic == name))
 
-    def topics(self, *names: str) -> RecordedStream[tuple[str, Any]]:
+    def topics(self, *names: str, **_: object) -> RecordedStream[tuple[str, Any]]:
         """Return an iterable over topic and value of several topics, in the order of the file."""
         self._check(names)
         return RecordedStream(lambda: ((raw.topic, raw.value()) for raw in self._messages() if raw.topic in names))
 
-    def latest(self, name: str) -> Any:  # noqa: ANN401 - a value of the topic
+    def latest(self, name: str, **_: object) -> Any:  # noqa: ANN401 - a value of the topic
         """Return the last value of a topic."""
         self._check((name,))
         last = None
