@@ -204,7 +204,7 @@ AFAR = {
     "operator.permit": "always",
     "operator.loosen_safety_while_driving": True,
     "operator.expiry_s": 0.5,
-    "car.front_m": 0.01,
+    "car.front_m": 0.4,
     "car.name": "eve",
     "motor.speed_to_erpm_gain": 200.0,
     "motor.address": "serial:///dev/other",
