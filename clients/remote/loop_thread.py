@@ -44,9 +44,10 @@ class LoopThread:
         if self.is_closed:
             raise ConnectionProblemError(CLOSED)
 
-    def call(self, coroutine: Coroutine[Any, Any, T]) -> T:
+    def call(self, coroutine: Coroutine[Any, Any, T], *, begins: bool = False) -> T:
         """Run a coroutine to its end and return its result; its errors are raised here.
 
+        begins: a Ctrl-C ends it, not only the wait for it.
         ConnectionProblemError when `close` was called, also in the middle of it from another thread.
         """
         with self._lock:
@@ -59,8 +60,9 @@ class LoopThread:
         except concurrent.futures.CancelledError:
             self.check_open()
             raise
-        except BaseException:  # a Ctrl-C ends the call, not only the wait for it
-            result.cancel()
+        except BaseException:
+            if begins:
+                result.cancel()
             raise
 
     def close(self) -> None:

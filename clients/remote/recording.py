@@ -3,6 +3,7 @@
 import tomllib
 import warnings
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -113,7 +114,7 @@ class RecordedCar:
         from mcap.stream_reader import StreamReader
 
         schemas: dict[int, str] = {}
-        channels: dict[int, tuple[str, str]] = {}
+        channels = self._channels()
         try:
             with self.path.open("rb") as file:
                 reader = StreamReader(file, emit_chunks=True, record_size_limit=MAX_RECORD_B)
@@ -128,12 +129,27 @@ class RecordedCar:
                             yield _Raw(*channels[record.channel_id], record.log_time / NS, record.data)
                         case _:
                             pass
+        except Warning:  # where the caller has made warnings errors
+            raise
         except OSError as error:
             raise ConnectionProblemError(f"{self.path}: cannot be read: {error.strerror or error}") from None
         except UnpackingError as error:
             raise ConnectionProblemError(f"{self.path}: {error}") from None
         except Exception:  # noqa: BLE001 - a parser that meets a torn end raises anything; what was before it is yielded
             return
+
+    def _channels(self) -> dict[int, tuple[str, str]]:
+        """Return topic and schema of the channels by the file's end, which repeats them; none of a torn file."""
+        from mcap.reader import make_reader
+
+        with suppress(Exception), self.path.open("rb") as file:
+            if summary := make_reader(file).get_summary():
+                names = {number: schema.name for number, schema in summary.schemas.items()}
+                return {
+                    number: (channel.topic.strip("/"), names.get(channel.schema_id, ""))
+                    for number, channel in summary.channels.items()
+                }
+        return {}
 
     def _unpacked(self, unpacking: Unpacking, record: Any) -> Iterator[Any]:  # noqa: ANN401 - mcap's
         """Yield a record, or those in a chunk."""

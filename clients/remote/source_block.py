@@ -46,7 +46,7 @@ class SourceBlock(ABC):
 
     def __enter__(self) -> Self:
         try:
-            self._thread.call(self._begin())
+            self._thread.call(self._begin(), begins=True)
         except BaseException:  # a Ctrl-C too: what has begun would keep the car
             if not self._thread.is_closed:
                 self._thread.call(self._end(orderly=True))

@@ -121,10 +121,11 @@ def test_a_recording_reads_like_a_car_also_when_it_is_torn(drive, tmp_path):
     assert 50 < len(list(wallride.open_recording(torn).topic("scan"))) < len(scans)
 
 
-def test_a_damaged_piece_of_a_recording_is_left_out_with_a_warning(drive, tmp_path):
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_a_damaged_piece_of_a_recording_is_left_out_with_a_warning(drive, tmp_path, share):
     with drive[0].open("rb") as file:
         chunks = make_reader(file).get_summary().chunk_indexes
-    middle, data = chunks[len(chunks) // 2], bytearray(drive[0].read_bytes())
+    middle, data = chunks[int(share * len(chunks))], bytearray(drive[0].read_bytes())
     at = middle.chunk_start_offset + middle.chunk_length // 2
     data[at : at + 8] = bytes(255 - byte for byte in data[at : at + 8])
     damaged = tmp_path / "damaged.mcap"
