@@ -38,7 +38,7 @@ class EStop:
         self._car = car
         self._pilot = Pilot(secrets.randbits(63) + 1, NAME, InputShape())
         self._steps_left, self._until_s = 0, 0.0
-        self._tell: list[Callable[[str], None]] = []
+        self._tell: set[Callable[[str], None]] = set()
         self._pressing: asyncio.Task[None] | None = None
         bus.subscribe(topics.key(car, topics.BEAT), self._hear)
 
@@ -48,7 +48,7 @@ class EStop:
         tell: is told where none did.
         """
         self._steps_left, self._until_s = PRESSED_STEPS, time.monotonic() + INSIST_S
-        self._tell.append(tell)
+        self._tell.add(tell)
         if self._pressing is None or self._pressing.done():
             self._pressing = asyncio.ensure_future(self._hold())
 

@@ -160,6 +160,9 @@ class Viewer:
     def _say(self, operation: str, **fields: object) -> None:
         self._put(json.dumps({"op": operation, **fields}))
 
+    def _warn(self, words: str) -> None:
+        self._say("status", level=ERROR, message=words)
+
     def _take(self, number: int, stamp_ns: int, message: bytes) -> None:
         for selection, channel in self._selected.items():
             if channel == number:
@@ -171,15 +174,15 @@ class Viewer:
                 message = topics.decode(data)
                 self._operations[message["op"]](message)
             elif len(data) >= _HEAD.size and _HEAD.unpack_from(data)[1] in self._stops:
-                self._served.stop.press(lambda words: self._say("status", level=ERROR, message=words))
+                self._served.stop.press(self._warn)
         except (KeyError, TypeError, ValueError, struct.error) as error:
-            self._say("status", level=ERROR, message=f"not understood: {type(error).__name__}")
+            self._warn(f"not understood: {type(error).__name__}")
 
     def _select(self, message: dict[str, Any]) -> None:
         for one in message["subscriptions"]:
             selection, number = _number(one["id"]), _number(one["channelId"])
             if not self._served.channels.show(number):
-                self._say("status", level=ERROR, message=f"there is no channel {number}")
+                self._warn(f"there is no channel {number}")
             elif len(self._selected) < MAX_NUMBERS:
                 self._selected[selection] = number
 
@@ -214,7 +217,7 @@ class Viewer:
     def _ask(self, question: Coroutine[Any, Any, None]) -> None:
         if len(self._asking) >= MAX_QUESTIONS:
             question.close()
-            self._say("status", level=ERROR, message="too many questions at once")
+            self._warn("too many questions at once")
             return
         task = asyncio.create_task(question)
         self._asking.add(task)

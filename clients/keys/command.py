@@ -31,8 +31,9 @@ def run(options: argparse.Namespace, car: str) -> list[str]:
     """Run the requested action and return the lines to print; KeysError with a remedy."""
     actions = {"init": _init, "add": _add, "revoke": _revoke, "list": _list, "router": _router}
     try:
-        if options.action in {"add", "revoke"}:  # the folder tells, whatever the settings of this computer are
-            with suppress(KeysError, FileNotFoundError):
+        if options.action in {"add", "revoke"} and (options.dir / f"{CAR}.pem").exists():
+            # The folder tells, whatever the settings of this computer are; nothing may keep a person's access.
+            with suppress(*([KeysError] if options.action == "revoke" else [])):
                 car = _car_identity(options.dir).name
         return actions[options.action](options, car, datetime.now(UTC))
     except PermissionError as error:

@@ -13,9 +13,7 @@ ASK = b"\x1b[?u"
 ENTER = b"\x1b[>11u\x1b[?1004h"
 LEAVE = b"\x1b[?1004l\x1b[<u"
 LONE_ESCAPE_S = 0.1
-"""Time without a further byte after which an escape byte counts as the key."""
-LONE = {b"\x1b", b"\x1b[", b"\x1bO"}
-"""The key alone, or with one of the two that a sequence has next."""
+"""Time without a further byte after which an escape byte counts as the key, also with the begin of a sequence."""
 
 SEQUENCE = re.compile(
     rb"\x1b\[(?P<mark>[<=>?[]?)(?P<numbers>[0-9:;]*)(?P<final>[A-Za-z~$^@])|\x1bO[0-9;]*(?P<letter>[A-Za-z])"
@@ -51,7 +49,7 @@ class KeyBytes:
                 self._waiting = self._waiting[match.end() :]
                 events += _sequence(match)
             elif UNFINISHED.fullmatch(self._waiting):
-                if self._waiting in LONE and now_s - self._since_s >= LONE_ESCAPE_S:
+                if now_s - self._since_s >= LONE_ESCAPE_S:
                     self._waiting = b""
                     events.append(Key("escape"))
                 break

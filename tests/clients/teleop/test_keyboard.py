@@ -179,7 +179,7 @@ def test_a_lone_escape_is_the_key_after_a_moment():
     assert reader.feed(b"", 1.11) == [Key("escape")]
 
 
-@pytest.mark.parametrize("more", [b"[", b"O"])
+@pytest.mark.parametrize("more", [b"[", b"O", b"O1"])
 def test_an_escape_with_a_key_that_begins_a_sequence_is_the_key_after_a_moment(more):
     reader = KeyBytes()
     assert reader.feed(b"\x1b", 1.0) == []
