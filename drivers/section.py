@@ -4,8 +4,8 @@ Declared beside its reader, composed in `runtime.settings` and `sim.scenario`.
 """
 
 from collections.abc import Sequence
-from types import NoneType
-from typing import Annotated, Any, get_args, get_origin
+from types import NoneType, UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 
@@ -26,16 +26,15 @@ class Section(BaseModel):
 
 
 def _check_kind(kind: Any, value: object) -> None:  # noqa: ANN401 - an annotation
-    """ValueError for what pydantic would take for a number or a boolean, and is none; also within tuples."""
+    """ValueError for what pydantic would take for a number or a boolean, and is none; also within tuples and lists."""
+    origin, parts = get_origin(kind), [part for part in get_args(kind) if part is not NoneType]
     if kind is bool and not isinstance(value, bool):
         raise ValueError("must be true or false")
-    if kind in {int, float} and isinstance(value, bool | str):
+    if (kind is int or kind is float) and isinstance(value, bool | str):
         raise ValueError("input should be a valid number, without quotes")
-    parts = [part for part in get_args(kind) if part is not NoneType]
-    many = get_origin(kind) in {tuple, list}
-    if get_origin(kind) is Annotated or (len(parts) == 1 and value is not None and not many):
+    if origin is Annotated or (origin in {Union, UnionType} and len(parts) == 1 and value is not None):
         _check_kind(parts[0], value)
-    elif many and isinstance(value, Sequence) and not isinstance(value, str):
+    elif origin in {tuple, list} and isinstance(value, Sequence) and not isinstance(value, str):
         same = len(parts) == 1 or parts[-1] is ...
         for number, each in enumerate(value):
             _check_kind(parts[0 if same else min(number, len(parts) - 1)], each)

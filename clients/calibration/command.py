@@ -80,7 +80,7 @@ def _calibrate(options: argparse.Namespace) -> int:
             return RemoteLink(car, deadman, say)
 
         so_far, measured = begin(now, options.wheelbase)
-        if OUTLINE not in wanted and (why := _refusal(so_far.now)):
+        if (options.yes or OUTLINE not in wanted) and (why := _refusal(so_far.now)):
             raise CalibrationError(f"{why}; measure the outline in the same run")
         measured += drive_steps(open_link, driven_steps(wanted), so_far, always=options.yes)
         if SPEED in wanted and so_far.arcs is not None and so_far.arcs.fit.speed_factor.why and not options.yes:
@@ -116,11 +116,12 @@ def finish(
 ) -> int:  # fmt: skip
     """Ask for what the car cannot see, show everything, and write what is accepted."""
     if OUTLINE in wanted and not yes:
-        known = dict(now) | {one.name: one.new for one in measured if one.new is not None}
-        outline = _outline(known)
-        while why := _refusal(known | {one.name: one.new for one in outline if one.new is not None}):
-            say(f"  {why}")
+        known = {**now, **_values(measured)}
+        for _ in range(TRIES):
             outline = _outline(known)
+            if not (why := _refusal({**known, **_values(outline)})):
+                break
+            say(f"  {why}")
         measured += outline
     for note in so_far.notes:
         say(note)
@@ -199,10 +200,15 @@ def _outline(now: Mapping[str, float]) -> list[Proposal]:
     say("\noutline\n  Measure with a tape; Enter keeps the value.")
     found: list[Proposal] = []
     for name, words in OUTLINE_WORDS.items():
-        length_m = asked(f"  {name}, {words} [{now[name]:g} m]: ", partial(_outline_m, now, name), None)
+        said = {**now, **_values(found)}
+        length_m = asked(f"  {name}, {words} [{now[name]:g} m]: ", partial(_outline_m, said, name), None)
         if length_m is not None:
             found.append(_by_hand(name, now, length_m, "by tape"))
     return found
+
+
+def _values(measured: Sequence[Proposal]) -> dict[str, float]:
+    return {one.name: one.new for one in measured if one.new is not None}
 
 
 def _outline_m(now: Mapping[str, float], name: str, text: str) -> float:

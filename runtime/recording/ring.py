@@ -163,8 +163,8 @@ def trim(
     present = [entry for entry in entries(folder) if entry.name not in foreign]
     total_bytes = sum(entry.size_bytes for entry in present)
     is_short = missing_bytes() > 0
-    able_bytes = sum(entry.size_bytes for entry in present if is_short and _may_leave(folder / entry.name))
-    makes_room = is_short and missing_bytes() <= able_bytes
+    able = {entry.name: entry.size_bytes for entry in present if is_short and _may_leave(folder / entry.name)}
+    makes_room = is_short and missing_bytes() <= sum(able.values())
     trimmed = Trimmed()
     for entry in in_order_of_leaving(present, limit_bytes):
         if total_bytes <= limit_bytes and not (makes_room and missing_bytes() > 0):
@@ -178,8 +178,9 @@ def trim(
             pass
         except OSError as error:
             trimmed.refused[entry.name] = error.strerror or str(error)
-            makes_room = makes_room and missing_bytes() <= able_bytes - entry.size_bytes
-        able_bytes -= entry.size_bytes
+            able.pop(entry.name, None)
+            makes_room = makes_room and missing_bytes() <= sum(able.values())
+        able.pop(entry.name, None)
         total_bytes -= entry.size_bytes
     return trimmed
 

@@ -158,13 +158,17 @@ class NearlyFullDisk(Disk):
         (25, "stays", [True, True, True]),
         (25, "is being written", [True, True, True]),
         (15, "stays", [True, False, False]),
+        (15, "cannot be opened", [True, False, False]),
     ],
 )
 def test_recordings_leave_for_the_disk_only_where_that_makes_the_room(tmp_path, missing_mb, odd, left):
     paths = Odd(tmp_path, "refused").paths
     disk = NearlyFullDisk(missing_mb, paths[0] if odd == "stays" else None)
     ring = Ring(tmp_path, RecordingSettings(ring_mb=64, keep_free_mb=100), disk, "boot")
-    with paths[0].open("rb") as file:
+    if odd == "cannot be opened":
+        paths[0].unlink()
+        paths[0].mkdir()
+    with paths[-1 if odd == "cannot be opened" else 0].open("rb") as file:
         if odd == "is being written":
             fcntl.flock(file, fcntl.LOCK_EX)
         assert ring.make_room() is (False in left)
