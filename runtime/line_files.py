@@ -164,6 +164,10 @@ def _row(path: Path, number: int, text: str) -> tuple[float, ...]:
     return row
 
 
+def _beside(path: Path) -> Path:
+    return path.with_name(path.stem + LINE_SUFFIX)
+
+
 def why_no_line(follow: WallFollowSettings, map_: PoseMapSettings) -> str:
     """Return why a car that is to follow a map's line has none, "" where it has one, or follows a wall."""
     if follow.method != "line" or (map_.line and map_.file):
@@ -171,7 +175,7 @@ def why_no_line(follow: WallFollowSettings, map_: PoseMapSettings) -> str:
     if not map_.file:
         return 'wall_follow.method = "line" follows the race line of a map, and map.file names none'
     path = Path(map_.file).expanduser()
-    beside = path.with_name(path.stem + LINE_SUFFIX)
+    beside = _beside(path)
     try:
         if not path.is_file() or beside.is_file():
             return ""
@@ -185,7 +189,7 @@ def read_course(settings: PoseMapSettings, car: CarSettings) -> RaceCourse | Non
     if not settings.file:
         return None
     path = Path(settings.file).expanduser()
-    beside = path.with_name(path.stem + LINE_SUFFIX)
+    beside = _beside(path)
     known = read_map(path)
     named = Path(settings.line).expanduser() if settings.line else beside if beside.is_file() else None
     line = read_line(named, path, car) if named is not None else None
@@ -194,12 +198,19 @@ def read_course(settings: PoseMapSettings, car: CarSettings) -> RaceCourse | Non
     return course_of(known, settings.start, car, line)
 
 
+def read_raced_course(follow: WallFollowSettings, map_: PoseMapSettings, car: CarSettings) -> RaceCourse | None:
+    """Return the course of a car that follows a line, None where it follows a wall. Raises: MapError, also for none."""
+    if why := why_no_line(follow, map_):
+        raise MapError(why)
+    return read_course(map_, car) if follow.method == "line" else None
+
+
 def files_of_course(settings: PoseMapSettings) -> list[Path]:
     """Return the files that `read_course` reads, none for no map. Raises: MapError."""
     if not settings.file:
         return []
     path = Path(settings.file).expanduser()
-    line = Path(settings.line).expanduser() if settings.line else path.with_name(path.stem + LINE_SUFFIX)
+    line = Path(settings.line).expanduser() if settings.line else _beside(path)
     files = (path, read_settings(path).image, path.with_name(path.stem + WALLS_SUFFIX), line)
     return [file for file in files if file.is_file()]
 

@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from wallride.runtime.control.own_laws.law_class import is_own
 from wallride.runtime.host.user_module import search_in
-from wallride.runtime.line_files import read_course
+from wallride.runtime.line_files import read_raced_course
 from wallride.runtime.map_files import MapError
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.car.vehicle_settings import VehicleSettings
@@ -37,6 +37,7 @@ from wallride.sim.world.worlds import is_map, load_world
 EMPTY = "empty"
 """World without walls of its own."""
 DURATION_S = 30.0
+MAP_PATHS = frozenset({"map.file", "map.line"})
 MAX_START_TO_WALL_M = 10.0
 """The UST-10LX's range: a car that starts farther from every wall sees nothing and stands for good."""
 
@@ -93,16 +94,13 @@ def load_scenario(path: Path, config: Path | None = None, assignments: Sequence[
         place = tuple(part for part in first["loc"] if part in _names_in(text.tree) or isinstance(part, int))
         raise text.mistake(place, _sentence(first)) from None
     search_in(path.absolute().parent)
-    assignments = [*(f"{name}={json.dumps(value)}" for name, value in flat(content.settings).items()), *assignments]
+    assignments = [*_said(path.absolute().parent, content), *assignments]
     settings = _settings(text, config, assignments, list(flat(content.settings)))
     drivers = settings.wall_follow.method, settings.safety.method, settings.lidar.driver, settings.motor.driver
     if any(map(is_own, drivers)):
         assignments = [f"process.laws_folder={json.dumps(str(path.absolute().parent))}", *assignments]
         settings = _settings(text, config, assignments, list(flat(content.settings)))
-    try:
-        read_course(settings.map, settings.car)
-    except MapError as error:
-        raise text.mistake(("settings", "map", "file"), str(error)) from None
+    _check_course(text, settings)
     world = _world(text, content, settings)
     _check_times(text, content)
     _check_laps(text, content, world)
@@ -153,6 +151,21 @@ def _known_at(loc: Sequence[str | int]) -> list[str]:
 
 def _keys_of(table: type[BaseModel]) -> list[str]:
     return list(table.model_fields)
+
+
+def _said(folder: Path, content: ScenarioContent) -> list[str]:
+    """Return the settings as KEY=VALUE texts; a map's path is seen from the scenario's folder, as the world's is."""
+    said = flat(content.settings)
+    for name in MAP_PATHS.intersection(said):
+        said[name] = str(folder / Path(str(said[name])).expanduser()) if said[name] else ""
+    return [f"{name}={json.dumps(value)}" for name, value in said.items()]
+
+
+def _check_course(text: TomlText, settings: Settings) -> None:
+    try:
+        read_raced_course(settings.wall_follow, settings.map, settings.car)
+    except MapError as error:
+        raise text.mistake(("settings", "map", "file"), str(error)) from None
 
 
 def _settings(text: TomlText, config: Path | None, assignments: Sequence[str], names: Sequence[str]) -> Settings:

@@ -6,7 +6,7 @@ from wallride.drivers.vesc.app_config import RECOMMENDED_TIMEOUT_S
 from wallride.runtime.app import Car, CarSurroundings
 from wallride.runtime.arbitration.command import DriveCommand
 from wallride.runtime.control.line_following.course import RaceCourse
-from wallride.runtime.line_files import read_course
+from wallride.runtime.line_files import read_raced_course
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.car.vehicle import Vehicle
 from wallride.sim.figures.summary import Sample
@@ -32,8 +32,8 @@ def drive_scenario(scenario: Scenario) -> DrivenScenario:
             scenario.world, loop.time, start=scenario.start, vehicle=conditions.vehicle,
             lidar=conditions.lidar, obstacles=scenario.obstacles, seed=content.seed,
         )  # fmt: skip
-        course = read_course(scenario.settings.map, scenario.settings.car)
-        stage = Stage(_virtual(scenario.settings), twin, course)
+        settings = scenario.settings
+        stage = Stage(_virtual(settings), twin, read_raced_course(settings.wall_follow, settings.map, settings.car))
         for moment in moments_of(content.fault):
             loop.call_at(moment.at_s, moment.apply, stage, conditions.lidar, conditions.vehicle.grip_mu)
         return await stage.play(content.duration_s)

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from wallride.runtime.control.laws import LawStack, own_law_mistakes
 from wallride.runtime.control.own_laws.law_class import is_own, load_law
-from wallride.runtime.line_files import files_of_course, read_course
+from wallride.runtime.line_files import files_of_course, read_raced_course
 from wallride.runtime.map_files import read_settings
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
 from wallride.sim.car.vehicle_settings import VehicleSettings
@@ -127,7 +127,7 @@ def setup_of(cell: DriveCell) -> DriveSetup:
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise CellMistakeError("seed", f"seed = {seed!r}: give a whole number from 0 on")
     with _about("map.file"):
-        read_course(settings.map, settings.car)
+        read_raced_course(settings.wall_follow, settings.map, settings.car)
     with _about("world"):
         world = _world(str(cell.get("world", "loop")), side, seed)
     with _about("obstacles"):
@@ -210,7 +210,7 @@ def drive_setup(setup: DriveSetup) -> SimulatedRun:
     wall_follow, safety, car = settings.wall_follow, settings.safety, settings.car
     if mistakes := own_law_mistakes(wall_follow, safety, car):
         raise LawError("; ".join(mistakes))
-    laws = LawStack(wall_follow, safety, car, course=read_course(settings.map, car))
+    laws = LawStack(wall_follow, safety, car, course=read_raced_course(wall_follow, settings.map, car))
     driven = drive(setup.case, laws.follower, laws.judge if setup.with_safety else None)
     if laws.own_law_fault:
         raise LawError(laws.own_law_fault)

@@ -195,6 +195,9 @@ def test_a_scenario_races_on_the_map_that_it_names(file_of, tmp_path):
     text = 'world = "loop"\nduration_s = 4.0\n[settings]\nwall_follow.method = "line"\n'
     scenario = load_scenario(file_of(f'{text}map.file = "{file}"\n'))
     assert "race line" in drive_scenario(scenario).reasons
+    assert load_scenario(file_of(f'{text}map.file = "loop.yaml"\n')).settings.map.file == str(file)
+    with pytest.raises(FileMistakeError, match=r"some.toml:.*map.file names none"):
+        load_scenario(file_of(text))
     with pytest.raises(FileMistakeError, match=r"some.toml:5: .*none.yaml"):
         load_scenario(file_of(f'{text}map.file = "{tmp_path}/none.yaml"\n'))
     cells = [
