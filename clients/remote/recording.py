@@ -3,9 +3,9 @@
 import tomllib
 import warnings
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any, Generic, Self, TypeVar
 
@@ -13,7 +13,7 @@ from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.remote.values import NS, Value, value_of
 from wallride.clients.topics import KINDS
 from wallride.runtime.recording.channels import SETTINGS, STRING, text_of
-from wallride.runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError
+from wallride.runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError, types_at_end
 
 T = TypeVar("T")
 
@@ -114,12 +114,13 @@ class RecordedCar:
         from mcap.stream_reader import StreamReader
 
         schemas: dict[int, str] = {}
-        channels = self._channels()
+        channels: dict[int, tuple[str, str]] = {}
         try:
             with self.path.open("rb") as file:
                 reader = StreamReader(file, emit_chunks=True, record_size_limit=MAX_RECORD_B)
                 unpacking = Unpacking(self.path.stat().st_size)
-                for record in (one for outer in reader.records for one in self._unpacked(unpacking, outer)):
+                inside = (one for record in reader.records for one in self._unpacked(unpacking, record))
+                for record in chain(types_at_end(file), inside):
                     match record:
                         case records.Schema():
                             schemas[record.id] = record.name
@@ -137,19 +138,6 @@ class RecordedCar:
             raise ConnectionProblemError(f"{self.path}: {error}") from None
         except Exception:  # noqa: BLE001 - a parser that meets a torn end raises anything; what was before it is yielded
             return
-
-    def _channels(self) -> dict[int, tuple[str, str]]:
-        """Return topic and schema of the channels by the file's end, which repeats them; none of a torn file."""
-        from mcap.reader import make_reader
-
-        with suppress(Exception), self.path.open("rb") as file:
-            if summary := make_reader(file).get_summary():
-                names = {number: schema.name for number, schema in summary.schemas.items()}
-                return {
-                    number: (channel.topic.strip("/"), names.get(channel.schema_id, ""))
-                    for number, channel in summary.channels.items()
-                }
-        return {}
 
     def _unpacked(self, unpacking: Unpacking, record: Any) -> Iterator[Any]:  # noqa: ANN401 - mcap's
         """Yield a record, or those in a chunk."""

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from io import BytesIO
-from typing import Any, Final
+from typing import IO, Any, Final
 
 LEAST_BYTES: Final = 256 << 20
 MOST_TIMES: Final = 50
@@ -30,6 +30,23 @@ def bomb(size_bytes: int) -> UnpackingError:
         f"it has {size_bytes / 1e6:.1f} MB and unpacks to more than {most_bytes(size_bytes) / 1e6:.0f} MB, which no"
         " recording does"
     )
+
+
+def types_at_end(file: IO[bytes]) -> list[Any]:
+    """Return the records of schemas and channels that the end of a whole file repeats; none of a torn one.
+
+    A damaged chunk may have been the only other place of them. The position in the file stays.
+    """
+    from mcap.reader import SeekingReader
+
+    at = file.tell()
+    file.seek(0)
+    try:
+        summary = SeekingReader(file, record_size_limit=MAX_RECORD_B).get_summary()
+    except Exception:  # noqa: BLE001 - a parser that meets damage raises anything
+        summary = None
+    file.seek(at)
+    return [*summary.schemas.values(), *summary.channels.values()] if summary is not None else []
 
 
 class Unpacking:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from wallride.runtime.recording.channels import SETTINGS, STRING, TAPE, text_of
 from wallride.runtime.recording.mcap_file import METADATA
-from wallride.runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError
+from wallride.runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError, types_at_end
 from wallride.runtime.ros.definitions import definition
 from wallride.sim.recordings import RecordingError
 
@@ -196,21 +196,8 @@ class _Reading:
         except Exception as error:  # noqa: BLE001 - a parser that meets damage raises anything; counted and told
             self._damaged[str(error) or type(error).__name__] += 1
             if self._damaged.total() == 1:
-                self._take_summary()
-
-    def _take_summary(self) -> None:
-        """Take from the end of a whole file the schemas and channels that a damaged chunk may have told."""
-        from mcap.reader import SeekingReader
-
-        at = self._file.tell()
-        self._file.seek(0)
-        try:
-            summary = SeekingReader(self._file, record_size_limit=MAX_RECORD_B).get_summary()
-        except Exception:  # noqa: BLE001 - a parser that meets damage raises anything; this one is counted already
-            summary = None
-        self._file.seek(at)
-        for record in (*summary.schemas.values(), *summary.channels.values()) if summary is not None else ():
-            self._take(record)
+                for known in types_at_end(self._file):
+                    self._take(known)
 
 
 def decode(message: LoggedMessage) -> Any:  # noqa: ANN401 - built at run time by the type store
