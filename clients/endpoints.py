@@ -61,8 +61,8 @@ def endpoint_configs(
 ) -> list[tuple[str, dict[str, Any]]]:
     """Return the endpoints of --connect, separated by commas, with the configuration of a session at each.
 
-    unusable: where given, takes the reason for an endpoint without one, in place of a ConnectionProblemError: whoever
-    has to reach every car goes on with the others.
+    unusable: where given, takes the reason for an endpoint without one, in place of a ConnectionProblemError: an e-stop
+    goes to the others.
     """
     found, given, reasons = [], given_by(options), []
     for text in filter(None, (part.strip() for part in options.connect.split(","))):

@@ -38,7 +38,10 @@ def write(path: Path, accepted: Sequence[Proposal], date: str) -> Path:
     try:
         _replace(path, text)
     except BaseException:  # the file is as before, and so is the way back
-        kept.unlink() if earlier is None else replace(kept, earlier)
+        if earlier is None:
+            kept.unlink()
+        else:
+            replace(kept, earlier)
         raise
     return kept
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 from wallride.clients.connection import ConnectionProblemError
+from wallride.clients.monitor.driving import INSIST_S
 from wallride.clients.parameters import ask
 from wallride.clients.teleop.inputs import Control, Inputs
 from wallride.clients.teleop.pilot import Pilot
@@ -23,8 +24,6 @@ from wallride.runtime.wire.teleop import Input, Malformed, read_beat
 
 NAME = "foxglove"
 PERIOD_S, PRESSED_STEPS = 0.02, 25
-INSIST_S = 5.0
-"""Time for which the e-stop is repeated without a confirmation by the car, as by the page."""
 UNCONFIRMED = "the car did not confirm the e-stop: stop it by hand"
 ANSWER_WITHIN_S = 4.0
 BYTES = "application/octet-stream"

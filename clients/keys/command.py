@@ -31,10 +31,6 @@ def run(options: argparse.Namespace, car: str) -> list[str]:
     """Run the requested action and return the lines to print; KeysError with a remedy."""
     actions = {"init": _init, "add": _add, "revoke": _revoke, "list": _list, "router": _router}
     try:
-        if options.action in {"add", "revoke"} and (options.dir / f"{CAR}.pem").exists():
-            # The folder tells, whatever the settings of this computer are; nothing may keep a person's access.
-            with suppress(*([KeysError] if options.action == "revoke" else [])):
-                car = _car_identity(options.dir).name
         return actions[options.action](options, car, datetime.now(UTC))
     except PermissionError as error:
         where = error.filename or options.dir
@@ -57,11 +53,12 @@ def _init(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
     ]
 
 
-def _add(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
+def _add(options: argparse.Namespace, _car: str, now: datetime) -> list[str]:
     person = Person(options.name, Role(options.role))
     folder = options.out or Path(f"{options.name}-keys")
+    car = _car_identity(options.dir).name if (options.dir / f"{CAR}.pem").exists() else ""
     entry = KeyFolder(options.dir).add(person, folder, now, options.days, renew=options.renew)
-    if not (options.dir / f"{CAR}.pem").exists():
+    if not car:
         return _added_to_fleet(person, folder, entry)
     return [
         f"{person.name} is {_a(person.role)} of {car} until {entry.expires}; the keys are in {folder}",
@@ -120,6 +117,8 @@ def _revoke(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
     entry = KeyFolder(options.dir).revoke(options.name, now.date())
     if not (options.dir / f"{CAR}.pem").exists():
         return [f"{options.name} may do nothing in the fleet, since {entry.revoked}", ROUTERS]
+    with suppress(KeysError):  # of a damaged certificate; the person is revoked by now
+        car = _car_identity(options.dir).name
     return [f"{options.name} may do nothing on {car}, since {entry.revoked}", RESTART]
 
 

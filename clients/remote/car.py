@@ -127,11 +127,9 @@ class RemoteCar:
         wait. timeout_s: maximum wait for a value, then a ConnectionProblemError; by default 5 s, 15 s for what comes
         seldom.
         """
-        if timeout_s is None:
-            timeout_s = SELDOM_S if name in topics.LASTING else SILENT_S
         return self._stream((name,), lambda raw: value_of(*raw), newest=newest, timeout_s=timeout_s)
 
-    def topics(self, *names: str, timeout_s: float = SILENT_S) -> Stream[tuple[str, Any]]:
+    def topics(self, *names: str, timeout_s: float | None = None) -> Stream[tuple[str, Any]]:
         """Return an iterator over topic and value of several topics, in the order of their arrival."""
         return self._stream(names, lambda raw: (raw[0], value_of(*raw)), newest=False, timeout_s=timeout_s)
 
@@ -194,11 +192,15 @@ class RemoteCar:
                 raise ConnectionProblemError(f"{self.name}: {NOTHING_DRIVES}; it answers no questions") from None
             raise
 
-    def _stream(self, names: tuple[str, ...], read: Any, *, newest: bool, timeout_s: float) -> Stream[Any]:  # noqa: ANN401
+    def _stream(self, names: tuple[str, ...], read: Any, *, newest: bool, timeout_s: float | None) -> Stream[Any]:  # noqa: ANN401
         for name in names:
             if name not in KINDS:
                 raise ConnectionProblemError(f"{name} is not a topic; there are {', '.join(KINDS)}")
+        if not names:
+            raise ConnectionProblemError(f"name at least one topic; there are {', '.join(KINDS)}")
         self._thread.check_open()
+        if timeout_s is None:
+            timeout_s = SELDOM_S if topics.LASTING.issuperset(names) else SILENT_S
         silent = (
             f"{self.name} says nothing on {', '.join(names)} for {timeout_s} s: the car or the link is gone"
             " (`wallride status`), or what it comes from is silent"

@@ -30,6 +30,8 @@ from wallride.sim.scenario.simulated_car import find_config
 CAR_CONFIG: Final = "config/car.toml"
 FOLDER: Final = "wallride/emulated"
 SETTINGS: Final = "car.toml"
+WRITTEN: Final = frozenset({"lidar.driver", "lidar.model", "motor.driver"})
+"""Settings of the devices that the settings file of the emulated car gets, beside their addresses."""
 EMULATED_LIDARS: Final = ("hokuyo", "rplidar", "ydlidar")
 
 
@@ -56,9 +58,8 @@ def emulate(options: argparse.Namespace, stop: StopRequest) -> int:
         def tell(addresses: DeviceAddresses) -> None:
             write_settings(file, addresses, settings)
             _show(console, file, scene.world.name, addresses, options.config_variable)
-            if options.assignments:
-                said = ", ".join(text.partition("=")[0] for text in options.assignments)
-                console.print(f"{said}: of the emulated car alone; that file has its own", soft_wrap=True)
+            if said := [name for text in options.assignments if (name := text.partition("=")[0]) not in WRITTEN]:
+                console.print(f"{', '.join(said)}: of the emulated car alone; that file has its own", soft_wrap=True)
             _tell_programs(addresses, settings)
 
         asyncio.run(car.keep(options.duration or math.inf, stop, tell))

@@ -96,8 +96,8 @@ def load_scenario(path: Path, config: Path | None = None, assignments: Sequence[
     search_in(path.absolute().parent)
     assignments = [*_said(path.absolute().parent, content), *assignments]
     settings = _settings(text, config, assignments, list(flat(content.settings)))
-    drivers = settings.wall_follow.method, settings.safety.method, settings.lidar.driver, settings.motor.driver
-    if any(map(is_own, drivers)):
+    chosen = settings.wall_follow.method, settings.safety.method, settings.lidar.driver, settings.motor.driver
+    if any(map(is_own, chosen)):
         assignments = [f"process.laws_folder={json.dumps(str(path.absolute().parent))}", *assignments]
         settings = _settings(text, config, assignments, list(flat(content.settings)))
     _check_course(text, settings)
