@@ -1,6 +1,5 @@
 """What a fit needs of one or more recorded drives: motion, speed and commands on one time line."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TypeVar
@@ -57,13 +56,9 @@ class RecordedDrive:
 
 
 def scan_times_s(recording: Recording) -> Floats:
-    """Return the times of the scans' middle beams, (n,); where the stamps jump, the times of reception.
-
-    A stamp is the time of the first beam (sensor_msgs/LaserScan).
-    """
+    """Return the times of the scans' middle beams, (n,); where the stamps jump, the times of reception."""
     steady = bool(np.all(np.diff(recording.stamp_s) > 0)) and np.ptp(recording.received_s - recording.stamp_s) < 1.0
-    sweep_s = recording.scan_time_s * abs(recording.angle_step_rad) * (recording.beams - 1) / math.tau
-    return recording.stamp_s + sweep_s / 2 if steady else recording.received_s
+    return recording.stamp_s + recording.sweep_s / 2 if steady else recording.received_s
 
 
 def intervals(recording: Recording) -> Intervals:

@@ -72,7 +72,7 @@ def record_of_recording(recording: Recording) -> LapRecord:
     ranges_m[~((ranges_m >= recording.range_min_m) & (ranges_m <= recording.range_max_m))] = np.nan
     ray_s = recording.scan_time_s * abs(recording.angle_step_rad) / math.tau
     kind = (recording.angle_min_rad, recording.angle_step_rad, recording.beams)
-    last_s = scan_times_s(recording) + ray_s * (recording.beams - 1) / 2
+    last_s = scan_times_s(recording) + recording.sweep_s / 2
     order = np.flatnonzero(np.diff(np.maximum.accumulate(last_s), prepend=-np.inf) > 0.0)
     return LapRecord(recording.name, kind, ray_s, last_s[order], ranges_m[order])
 

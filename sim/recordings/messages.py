@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter, defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -32,11 +32,13 @@ NANOSECOND_S = 1e-9
 class Collector:
     """Collects messages as rows per topic; `received_ns` is the recorder's time since 1970.
 
-    unreadable: messages per topic that did not decode; encodings: of those that are in none of ROS's.
+    unreadable: messages per topic that did not decode; encodings: of those that are in none of ROS's. is_ours: whether
+        wallride made the recording.
     """
 
     unreadable: Counter[str] = field(default_factory=Counter)
     encodings: dict[str, str] = field(default_factory=dict)
+    is_ours: bool = False
     scans_by_topic: dict[str, list[tuple[int, Any]]] = field(default_factory=lambda: defaultdict(list))
     commands: dict[str, list[tuple[float, ...]]] = field(default_factory=lambda: defaultdict(list))
     odometries: dict[str, list[tuple[float, ...]]] = field(default_factory=lambda: defaultdict(list))
@@ -62,6 +64,7 @@ class Collector:
 
     def extend(self, other: "Collector") -> None:
         """Take all that another one collected."""
+        self.is_ours |= other.is_ours
         self.unreadable += other.unreadable
         self.encodings |= other.encodings
         for topic, scans in other.scans_by_topic.items():
@@ -79,6 +82,8 @@ class Collector:
             tracks.notes.append(f"{count} messages on {topic} could not be decoded{encoding} and are left out.")
         for topic, scans in self.scans_by_topic.items():
             lidar, note = _lidar(topic, scans)
+            if self.is_ours:  # its stamp is the last beam's, ROS's the first one's
+                lidar = replace(lidar, stamp_s=lidar.stamp_s - lidar.sweep_s)
             tracks.lidars[plain_name(topic)] = lidar
             tracks.notes.extend(note)
         for topic, rows in self.commands.items():
@@ -107,7 +112,7 @@ def _lidar(topic: str, scans: list[tuple[int, Any]]) -> tuple[LidarTrack, list[s
         angle_step_rad=float(first.angle_increment),
         range_min_m=float(first.range_min),
         range_max_m=float(first.range_max),
-        scan_time_s=float(first.scan_time),
+        scan_time_s=float(np.median([message.scan_time for _, message in same])),
     )
     return track, notes
 

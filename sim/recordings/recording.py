@@ -1,18 +1,21 @@
 """Data model of a recording: one lidar's scans exactly as recorded, and the commands and odometry of the same drive."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from wallride.runtime.wire import topics
+
 Floats = npt.NDArray[np.float64]
 
-NAVIGATION_TOPICS = ("vesc_high_level_input_nav_0", "vesc_low_level_input_navigation", "drive")
-"""Topics of the autonomous program: those of the RACECAR's two muxes, and the convention of F1TENTH."""
-OUTPUT_TOPICS = ("vesc_low_level_ackermann_cmd", "vesc_ackermann_cmd", "ackermann_cmd")
+NAVIGATION_TOPICS = ("vesc_high_level_input_nav_0", "vesc_low_level_input_navigation", "drive", topics.NAVIGATION)
+"""Topics of the autonomous program: those of the RACECAR's two muxes, the convention of F1TENTH, wallride's."""
+OUTPUT_TOPICS = ("vesc_low_level_ackermann_cmd", "vesc_ackermann_cmd", "ackermann_cmd", topics.OUTPUT)
 """Topics of the last mux's output to the motor."""
-SAFETY_TOPICS = ("vesc_low_level_input_safety", "vesc_input_safety")
+SAFETY_TOPICS = ("vesc_low_level_input_safety", "vesc_input_safety", topics.SAFETY)
 """Topics of the safety controller's override."""
 
 OF_OTHERS = ("safety", "teleop", "joy", "manual", "estop", "low_level_ackermann", "output")
@@ -88,13 +91,23 @@ class LidarTrack:
     range_max_m: float
     scan_time_s: float
 
+    @property
+    def beams(self) -> int:
+        """Return the number of beams of every scan."""
+        return int(self.ranges_m.shape[1])
+
+    @property
+    def sweep_s(self) -> float:
+        """Return the time from the first beam to the last."""
+        return self.scan_time_s * abs(self.angle_step_rad) * (self.beams - 1) / math.tau
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording(LidarTrack):
     """One lidar's scans, and the other messages of the drive. All arrays are read-only.
 
     received_s: shape (n,), when the recorder received each scan; starts at 0 and never falls.
-    stamp_s: shape (n,), the header stamps on the same zero. They may jump: clocks differ between publishers.
+    stamp_s: shape (n,), of the first beams, on the same zero. They may jump: clocks differ between publishers.
     ranges_m: shape (n, beams), float32, untouched: 65.533, 0, inf and NaN all occur for "no return".
     angle_min_rad, angle_step_rad: beam k points to angle_min + k * step, counter-clockwise, 0 = ahead; see `fan`.
     range_min_m, range_max_m, scan_time_s: as the driver declared them; recorded ranges may exceed them.
@@ -112,11 +125,6 @@ class Recording(LidarTrack):
     def __len__(self) -> int:
         """Return the number of scans."""
         return len(self.received_s)
-
-    @property
-    def beams(self) -> int:
-        """Return the number of beams of every scan."""
-        return int(self.ranges_m.shape[1])
 
     @property
     def duration_s(self) -> float:

@@ -11,6 +11,7 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from wallride.runtime.recording.mcap_file import METADATA
 from wallride.runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError, bomb, most_bytes
 from wallride.sim.recordings.messages import ACKERMANN_DEFINITIONS, WANTED_TYPES, Collector
 from wallride.sim.recordings.recording import RecordingError
@@ -73,6 +74,8 @@ class _McapReading:
                 self._channels[record.id] = record.topic, kind, record.message_encoding
             case records.Message():
                 self._take_message(record)
+            case records.Metadata(name=name) if name == METADATA:
+                self._collector.is_ours = True
 
     def _take_chunk(self, chunk: Any) -> None:  # noqa: ANN401 - mcap's
         try:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin
 
+from wallride.runtime.wire import topics
 from wallride.sim.recordings import Recording, RecordingError, load_recording
 
 ORIGINALS = [
@@ -283,3 +284,11 @@ def test_an_archive_without_a_topic_is_read(tmp_path: Path) -> None:
 def test_an_archive_without_stamps_says_which_array_is_missing(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="lacks the array 'stamps'; beside ranges a recording needs stamps, recv"):
         load_recording(archive(tmp_path / "a.npz", stamps=None))
+
+
+def test_a_recording_of_wallride_is_timed_by_its_first_beams_and_has_every_command(dead_end: Path) -> None:
+    recording = load_recording(dead_end)
+    assert recording.sweep_s == pytest.approx(0.01875, abs=1e-5)
+    np.testing.assert_allclose(recording.received_s - recording.stamp_s, recording.sweep_s, rtol=0, atol=1e-6)
+    assert recording.output is recording.commands[topics.OUTPUT]
+    assert len(recording.output) == len(recording)
