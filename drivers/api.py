@@ -32,7 +32,6 @@ class Returns(Protocol):
 
     def marked_m(self) -> npt.NDArray[np.float32]:
         """Return the ranges as REP 117 has them, shape (n,): +inf where nothing came back, -inf too near, NaN else."""
-        ...
 
 
 @value()
@@ -159,7 +158,6 @@ class Lidar(Protocol):
     @property
     def health(self) -> Health:
         """Its present condition."""
-        ...
 
     async def run(self, on_scan: Callable[[Scan], None]) -> Never:
         """Deliver scans without end, oldest first, each once; reconnect with back-off.
@@ -167,7 +165,6 @@ class Lidar(Protocol):
         `on_scan` is called in the event loop, straight from the read, and must not block. The device is left quiet
         (laser off where it can be) when the task is cancelled.
         """
-        ...
 
 
 class Motor(Protocol):
@@ -180,40 +177,32 @@ class Motor(Protocol):
     @property
     def health(self) -> Health:
         """Its present condition."""
-        ...
 
     @property
     def state(self) -> MotorState | None:
         """The newest report, or None while disconnected or before the first."""
-        ...
 
     @property
     def braked_instead(self) -> bool:
         """Whether the last `send` wrote a brake in place of a speed that the motor can hold."""
-        ...
 
     async def run(self) -> Never:
         """Maintain the connection, poll the state, reconnect with back-off; brake when cancelled."""
-        ...
 
     def send(self, drive: Drive) -> bool:
         """Write one command to the wire at once; False (and nothing is queued) when the device is not connected."""
-        ...
 
     def latch_fault(self, words: str) -> None:
         """Latch a contradiction detected outside the driver, like a fault of the device; once for each."""
-        ...
 
     def retry_fault(self) -> None:
         """Clear a fault that the device reported itself, without an operator; a contradiction stays latched.
 
         A device recovers; swapped phases do not swap back, and every attempt drives the wrong way once more.
         """
-        ...
 
     def clear_fault(self) -> None:
         """Clear the latched fault: a deliberate act of an operator, or of settings that allow it."""
-        ...
 
 
 class DriverError(Exception):

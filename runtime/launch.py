@@ -74,7 +74,6 @@ class BrakingMotor(Protocol):
 
     def brake_now(self) -> None:
         """Write one brake; never raises."""
-        ...
 
 
 HOLD_WITHIN_S = 3.0

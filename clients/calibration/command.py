@@ -43,7 +43,6 @@ class StepLink(CalibratedCar, Protocol):
 
     def forget(self) -> None:
         """Begin with what comes from now on."""
-        ...
 
 
 OpenLink = Callable[[HeldDeadman], AbstractContextManager[StepLink]]

@@ -41,20 +41,16 @@ class HeldDeadman(Protocol):
     @property
     def key(self) -> str:
         """Return the name of the key."""
-        ...
 
     @property
     def again(self) -> str:
         """Return what the operator does to go on after a stall."""
-        ...
 
     def renew(self) -> None:
         """Wait until it was released, and is held again."""
-        ...
 
     def is_held(self) -> bool:
         """Return whether it is held now; LetGoError for a request to stop for good."""
-        ...
 
 
 class RemoteLink:

@@ -55,11 +55,9 @@ class PulsedCar(CalibratedCar, Protocol):
 
     def use(self, now: Mapping[str, float], *, gentle: bool) -> None:
         """Drive by these settings from here on. gentle: brake no harder than the ESC needs to notice it."""
-        ...
 
     def pulse(self, throttle_us: float) -> None:
         """Give the ESC a pulse [us] until the next call; CalibrationError as of `send`."""
-        ...
 
 
 def find_range(car: PulsedCar, now: Mapping[str, float]) -> dict[str, float]:

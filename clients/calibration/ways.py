@@ -36,20 +36,16 @@ class CalibratedCar(Protocol):
 
     def send(self, speed_mps: float, steering_rad: float) -> None:
         """Ask for a drive for a moment; CalibrationError when the operator let go, or the car does not obey."""
-        ...
 
     def release(self) -> None:
         """Let go: the car stays stopped, also while nothing is sent."""
-        ...
 
     def wait(self) -> None:
         """Wait for the next scan."""
-        ...
 
     @property
     def now_s(self) -> float:
         """Return the time of the newest scan."""
-        ...
 
 
 def stand(car: CalibratedCar, steering_rad: float = 0.0, scans: int = STAND_SCANS) -> None:

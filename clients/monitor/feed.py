@@ -39,11 +39,9 @@ class Watcher(Protocol):
 
     def take(self, topic: str, payload: bytes, arrival_s: float) -> None:
         """Take a sample."""
-        ...
 
     def hear(self, beat: Beat, payload: bytes, arrival_s: float) -> None:
         """Take a heartbeat."""
-        ...
 
 
 class PageFeed:

@@ -82,20 +82,16 @@ class InputSource(Protocol):
     @property
     def names(self) -> Mapping[Control, str]:
         """Return the labels of its controls."""
-        ...
 
     @property
     def leaving(self) -> bool:
         """Return whether the operator quits."""
-        ...
 
     def poll(self, now_s: float, *, ready: bool) -> Inputs:
         """Return what is held now. ready: a deadman would count."""
-        ...
 
     def show(self, lines: Sequence[str], mood: str) -> None:
         """Show text where this device has a place for it."""
-        ...
 
 
 class KeyReader(Protocol):
@@ -103,7 +99,6 @@ class KeyReader(Protocol):
 
     def poll(self) -> list[KeyEvent]:
         """Return what was typed since the last call."""
-        ...
 
 
 class Pads(Protocol):
@@ -111,7 +106,6 @@ class Pads(Protocol):
 
     def poll(self) -> list[gamepad.Happening]:
         """Return what happened since the last call."""
-        ...
 
 
 class Window(Pads, Protocol):
@@ -119,7 +113,6 @@ class Window(Pads, Protocol):
 
     def show(self, lines: Sequence[str], mood: str) -> None:
         """Draw text."""
-        ...
 
 
 class PadSource:

@@ -33,11 +33,9 @@ class LidarEmulator(Protocol):
 
     def feed(self, data: bytes, now_s: float) -> bytes:
         """Take bytes of the driver; return the answer, b"" for none."""
-        ...
 
     def scan(self, ranges_m: Floats, now_s: float) -> bytes:
         """Return the bytes of one scan, (n,) with NaN where nothing returns; b"" while it does not measure."""
-        ...
 
 
 class MotorEmulator(Protocol):
@@ -57,11 +55,9 @@ class MotorEmulator(Protocol):
 
         Called also with b"", every few milliseconds, so that its command timeout acts while nothing comes.
         """
-        ...
 
     def report(self, speed_mps: float, distance_m: float) -> bytes:
         """Note the wheels' motion; return bytes that it sends unasked, b"" for none."""
-        ...
 
 
 class DeviceBench(Protocol):
@@ -71,36 +67,28 @@ class DeviceBench(Protocol):
 
     def driver(self) -> Any:  # noqa: ANN401 - any class with the protocol
         """Return a new driver for it, not yet running."""
-        ...
 
     async def start(self) -> None:
         """Plug it in."""
-        ...
 
     async def close(self) -> None:
         """Unplug it for good."""
-        ...
 
     async def unplug(self) -> None:
         """Pull its cable."""
-        ...
 
     async def replug(self) -> None:
         """Put the cable back."""
-        ...
 
     def send(self, data: bytes) -> None:
         """Have these bytes arrive at the driver."""
-        ...
 
     def step(self, now_s: float) -> None:
         """Let it do what is due by now; called every few milliseconds."""
-        ...
 
     @property
     def connected(self) -> bool:
         """Whether a driver has its port open."""
-        ...
 
 
 class LidarBench(DeviceBench, Protocol):
@@ -108,11 +96,9 @@ class LidarBench(DeviceBench, Protocol):
 
     def hold(self) -> None:
         """Keep what it sends until `release`."""
-        ...
 
     def release(self) -> None:
         """Let what was held arrive in one burst."""
-        ...
 
 
 class MotorBench(DeviceBench, Protocol):
@@ -123,11 +109,9 @@ class MotorBench(DeviceBench, Protocol):
     @property
     def commanded(self) -> tuple[float | None, float, int]:
         """The speed last commanded [m/s], None for a brake; the steering [rad]; the number of motor commands."""
-        ...
 
     def driven_mps(self, now_s: float) -> float | None:
         """Return the speed that it drives at now, None for a brake: its command timeout has acted where it is due."""
-        ...
 
 
 class EmulatorBench:

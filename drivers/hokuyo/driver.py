@@ -1,6 +1,7 @@
 """A Hokuyo lidar with a self-maintained connection: connect, identify, stream, monitor, restart, reconnect."""
 
 import contextlib
+import itertools
 import math
 import time
 from collections.abc import Callable
@@ -10,7 +11,7 @@ from wallride.drivers.api import Clock, DriverError, LinkLost, LinkState, Protoc
 from wallride.drivers.hokuyo.codec import command
 from wallride.drivers.hokuyo.conversation import Conversation, SensorIdentity, identify, quieten, read_clock
 from wallride.drivers.hokuyo.settings import HokuyoSettings
-from wallride.drivers.hokuyo.stream import UNSTABLE_WARN, ScanStream, Sequence
+from wallride.drivers.hokuyo.stream import UNSTABLE_WARN, ScanStream
 from wallride.drivers.hokuyo.timing import ClockReading, StampGate
 from wallride.drivers.lidar import LATE_SAID_S, ConnectedLidar
 from wallride.drivers.link import ByteLink, until_lost
@@ -38,7 +39,7 @@ class Hokuyo(ConnectedLidar[Conversation]):
     ) -> None:
         super().__init__(settings, USUAL_BAUDS, clock, clear_s)
         self._settings = settings
-        self._sequence = Sequence()
+        self._numbers = itertools.count()
         self._gate = StampGate(settings.stale_after_s, self._health.count)
         self._last_reset_s: float | None = None
         self._last_reboot_s: float | None = None
@@ -83,7 +84,7 @@ class Hokuyo(ConnectedLidar[Conversation]):
             identity,
             self._gate,
             self._health,
-            self._sequence,
+            self._numbers,
             on_scan,
             settings=self._settings,
             held_back=SETTLING_SCANS if self._has_streamed else 0,
@@ -195,5 +196,5 @@ class Hokuyo(ConnectedLidar[Conversation]):
         await talk.ask(command("QT"), timeout_s=_FAREWELL_TIMEOUT_S)
 
     def _on_bad_block(self, what: str) -> None:
-        self._sequence.take()
+        next(self._numbers)
         self._health.count(what)

@@ -2,7 +2,7 @@
 
 import asyncio
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Final
 
 from wallride.drivers.api import Health, LinkLost, LinkState, ProtocolError, Scan
@@ -18,19 +18,6 @@ UNSTABLE_WARN: Final = 5
 """Number of consecutive scan slots without data after which it is reported."""
 
 
-class Sequence:
-    """Numbers the scans of a driver across all its streams; a scan that is dropped takes a number too."""
-
-    def __init__(self) -> None:
-        self._next = 0
-
-    def take(self) -> int:
-        """Return the next number."""
-        number = self._next
-        self._next += 1
-        return number
-
-
 class ScanStream:
     """One MD stream of all steps, from its command to its end.
 
@@ -38,6 +25,7 @@ class ScanStream:
         delivered scan. Both None before the first.
     held_back: number of fresh scans that are not delivered at first ("settling" in the counts), where the sensor does
         not tell how late the first comes.
+    numbers: of the driver's scans across all its streams; a scan that is dropped takes a number too.
     trouble: the status in which the sensor gave up, "" while it has not.
     """
 
@@ -47,7 +35,7 @@ class ScanStream:
         identity: SensorIdentity,
         gate: StampGate,
         health: Health,
-        sequence: Sequence,
+        numbers: Iterator[int],
         on_scan: Callable[[Scan], None],
         *,
         settings: HokuyoSettings,
@@ -57,7 +45,7 @@ class ScanStream:
         self._talk = talk
         self._gate = gate
         self._health = health
-        self._sequence = sequence
+        self._numbers = numbers
         self._on_scan = on_scan
         self._ready_message = identity.summary
         self._held_back = held_back
@@ -113,7 +101,7 @@ class ScanStream:
                 self._on_status(block.status, read_at_s)
 
     def _on_scan_block(self, block: ReplyBlock, read_at_s: float) -> None:
-        sequence = self._sequence.take()
+        sequence = next(self._numbers)
         stamp_ms = decode_number(block.lines[0]) if len(block.lines) == 2 else None
         ranges_m = self._decoder.decode(block.lines[1]) if len(block.lines) == 2 else None
         if stamp_ms is None or ranges_m is None:
@@ -153,7 +141,7 @@ class ScanStream:
             self._started.set_result(status)
         meaning = judge(status)
         if meaning is StreamStatus.UNSTABLE:
-            self._sequence.take()
+            next(self._numbers)
             self.heard_s = read_at_s
             self.unstable_in_a_row += 1
             self._health.count("unstable")

@@ -32,15 +32,12 @@ class I2cBus(Protocol):
 
     def write(self, data: bytes) -> None:
         """Write a register's number and values from there on."""
-        ...
 
     def read(self, register: int, count: int) -> bytes:
         """Read so many registers."""
-        ...
 
     def close(self) -> None:
         """Close the bus."""
-        ...
 
 
 OpenBus = Callable[[int, int], I2cBus]

@@ -36,15 +36,12 @@ class PulsePort(Protocol):
 
     def write(self, steering_pulse_us: float, throttle_pulse_us: float) -> None:
         """Write both pulses at once; LinkLost where that fails."""
-        ...
 
     async def check(self) -> None:
         """Wait for the next look at the board, about ten times a second; DriverError where it is not as it was left."""
-        ...
 
     def close(self) -> None:
         """Close it."""
-        ...
 
 
 class PwmMotor(ABC):

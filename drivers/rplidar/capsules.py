@@ -69,11 +69,6 @@ class CapsuleDecoder:
         """Number of samples that wait for later bytes."""
         return self._format.samples
 
-    def reset(self) -> None:
-        """Drop what is incomplete."""
-        self._rest = self._cached = b""
-        self._usual_deg, self._unusual, self._last_mm = 0.0, 0, 0
-
     def feed(self, chunk: bytes) -> HeadSamples:
         """Add bytes and return the samples that they completed."""
         data, length, at, skipped, lost = self._rest + chunk, self._format.length, 0, 0, 0
@@ -144,10 +139,6 @@ class HqDecoder:
 
     def __init__(self, count: Count) -> None:
         self._count = count
-        self._rest = b""
-
-    def reset(self) -> None:
-        """Drop what is incomplete."""
         self._rest = b""
 
     def feed(self, chunk: bytes) -> HeadSamples:

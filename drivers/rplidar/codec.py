@@ -82,10 +82,6 @@ class PlainDecoder:
         self._count = count
         self._rest = b""
 
-    def reset(self) -> None:
-        """Drop what is incomplete."""
-        self._rest = b""
-
     def feed(self, chunk: bytes) -> HeadSamples:
         """Add bytes and return the samples that they completed."""
         raw = np.frombuffer(self._rest + chunk, np.uint8)

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import itertools
 import math
 import time
 from collections.abc import Callable
@@ -38,15 +39,12 @@ class Kind(Protocol):
 
     async def meet(self, talk: LidarTalk, count: Callable[[str], None]) -> str:
         """Quieten the sensor, whatever its state, and return its identity. LinkLost where nothing of it answers."""
-        ...
 
     async def start(self, talk: LidarTalk, count: Callable[[str], None]) -> StreamFacts:
         """Start the motor and the stream of the sensor just met; DriverError with its remedy where it refuses."""
-        ...
 
     async def leave(self, talk: LidarTalk) -> None:
         """Stop the stream and the motor."""
-        ...
 
 
 class TurningLidar(ConnectedLidar[LidarTalk]):
@@ -72,7 +70,7 @@ class TurningLidar(ConnectedLidar[LidarTalk]):
         self._settings = settings
         self._motion = motion
         self._mount = Mount(settings.yaw_rad, settings.mounted_upside_down)
-        self._next_number = 0
+        self._numbers = itertools.count()
 
     async def _meet(self, link: ByteLink) -> LidarTalk:
         talk = LidarTalk(link)
@@ -85,7 +83,7 @@ class TurningLidar(ConnectedLidar[LidarTalk]):
             facts = await self._kind.start(talk, self._health.count)
             link_s = talk.quickest_s if PROMPT_LINK_S < talk.quickest_s < math.inf else 0.0
             turning = Turning(self._mount, self._settings.stale_after_s, link_s, self._motion)
-            stream = TurnStream(facts, turning, self._health, self._take_number, on_scan)
+            stream = TurnStream(facts, turning, self._health, self._numbers.__next__, on_scan)
             started_s = self._clock()
             talk.link.listen(stream.on_bytes)
             stream.on_bytes(facts.rest, started_s)
@@ -143,10 +141,6 @@ class TurningLidar(ConnectedLidar[LidarTalk]):
         with contextlib.suppress(LinkLost, TimeoutError):
             async with asyncio.timeout(_FAREWELL_TIMEOUT_S):
                 await until_lost(talk.link, self._kind.leave(talk))
-
-    def _take_number(self) -> int:
-        number, self._next_number = self._next_number, self._next_number + 1
-        return number
 
 
 def _summary(facts: StreamFacts, stream: TurnStream, usual_hz: float) -> str:

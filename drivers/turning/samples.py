@@ -39,15 +39,9 @@ class SampleDecoder(Protocol):
     @property
     def behind(self) -> int:
         """Number of samples that wait for later bytes."""
-        ...
 
     def feed(self, chunk: bytes) -> HeadSamples:
         """Add bytes and return the samples that they completed."""
-        ...
-
-    def reset(self) -> None:
-        """Drop what is incomplete."""
-        ...
 
 
 _NOTHING = np.empty(0)

@@ -62,10 +62,6 @@ class PacketDecoder:
         self.turns_hz = 0.0
         self.packets = 0
 
-    def reset(self) -> None:
-        """Drop what is incomplete."""
-        self._rest = b""
-
     def feed(self, chunk: bytes) -> HeadSamples:
         """Add bytes and return the samples that they completed; the one of a start packet is none."""
         parts, self._skipped = [], 0

@@ -124,15 +124,12 @@ class SafetyAssessment(Protocol):
 
         Cheap: evaluated again at every tick. promise: the path that its source will drive.
         """
-        ...
 
     def ask(self, speed_mps: float, steering_rad: float) -> Verdict:
         """Return the verdict that `judge` would; changes not even a cache that a later judgement reads."""
-        ...
 
     def commit(self, memory: Any) -> None:  # noqa: ANN401
         """Take over the memory after a command that was sent: for the mux alone."""
-        ...
 
 
 Memories = Sequence[tuple[SafetyAssessment, Any]]

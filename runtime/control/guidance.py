@@ -41,7 +41,6 @@ class Follower(Protocol):
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
         """Answer one scan; called once for each, in order."""
-        ...
 
 
 class Guard(Protocol):
@@ -49,8 +48,6 @@ class Guard(Protocol):
 
     def look(self, scan: Scan, motor: MotorState | None) -> SafetyAssessment:
         """Process one scan; called once for each, in order. The assessment judges every drive until the next."""
-        ...
 
     def learn(self) -> None:
         """Run the deferred work of the last scan, once its answer is on the wire; else `look` runs it."""
-        ...

@@ -22,11 +22,9 @@ class Restart(Protocol):
 
     def check(self) -> None:
         """Read the files of the next start; may block. UnacceptableError where it would fail, or drive off."""
-        ...
 
     def begin(self) -> None:
         """End the process, and have it start again."""
-        ...
 
 
 class RestartDesk:

@@ -22,14 +22,12 @@ class Sink(Protocol):
 
         at_s: time of the value, on the monotonic clock. urgent: a change, not a repetition; rates do not delay it.
         """
-        ...
 
     def take(self, topic: str, schema: str, stamp_s: float, payload: bytes) -> None:
         """Take one message that was claimed.
 
         schema: its ROS 2 type, "" for JSON. stamp_s: of the measurement, on the monotonic clock.
         """
-        ...
 
 
 class Publisher(Protocol):
@@ -37,11 +35,9 @@ class Publisher(Protocol):
 
     def put(self, key: str, payload: bytes, *, encoding: str) -> None:
         """Publish without waiting."""
-        ...
 
     def wanted(self, key: str, *, encoding: str) -> bool:
         """Tell whether the key has a subscriber."""
-        ...
 
 
 class TopicGate:

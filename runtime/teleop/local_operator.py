@@ -8,12 +8,9 @@ class LocalOperator(Protocol):
 
     def hear(self, beat: bytes, arrival_s: float) -> None:
         """Take one heartbeat."""
-        ...
 
     def command(self, now_s: float) -> bytes | None:
         """Return the command to the desk, None without a device; called at the rate of the heartbeats, never waits."""
-        ...
 
     async def watch(self) -> Never:
         """Look for the device, for ever."""
-        ...

@@ -36,68 +36,52 @@ class Network(Protocol):
     @property
     def endpoint(self) -> str:
         """Endpoint at which the car can be reached."""
-        ...
 
     @property
     def is_open(self) -> bool:
         """Whether the session is open, so that `put` sends."""
-        ...
 
     @property
     def dropped(self) -> int:
         """Number of samples put while it was closed."""
-        ...
 
     @property
     def routers(self) -> Mapping[str, str]:
         """Why nothing goes to a router of the fleet, by its address; "" while it does."""
-        ...
 
     @property
     def session_id(self) -> str:
         """Return zenoh's id of the open session."""
-        ...
 
     def put(self, key: str, payload: bytes, *, encoding: str = JSON, urgent: bool = False) -> None:
         """Publish without waiting."""
-        ...
 
     def put_attached(self, key: str, payload: bytes, *, encoding: str, attachment: bytes) -> None:
         """Publish with an attachment, without waiting."""
-        ...
 
     def put_latched(self, key: str, payload: bytes, *, encoding: str, attachment: bytes) -> None:
         """Publish, and keep the message for late subscribers."""
-        ...
 
     def wanted(self, key: str, *, encoding: str = JSON, urgent: bool = False) -> bool:
         """Tell whether the key has a subscriber."""
-        ...
 
     def subscribe(self, key: str, receive: Receive, *, max_bytes: int = MAX_SAMPLE_BYTES) -> None:
         """Subscribe to a key."""
-        ...
 
     def subscribe_attached(self, key: str, receive: ReceiveAttached, *, max_bytes: int = MAX_SAMPLE_BYTES) -> None:
         """Subscribe to a key whose samples carry attachments."""
-        ...
 
     def subscribe_prompt(self, key: str, receive: ReceiveAttached, *, max_bytes: int) -> None:
         """Subscribe to such a key without waiting for a poll."""
-        ...
 
     def answer(self, key: str, reply: Reply) -> None:
         """Answer queries on a key."""
-        ...
 
     def announce(self, key: str) -> None:
         """Hold a liveliness token."""
-        ...
 
     def when_open(self, declare: Callable[[], None]) -> None:
         """Call once the session is open."""
-        ...
 
     def poll(self) -> None:
         """Deliver what has come in."""
-        ...

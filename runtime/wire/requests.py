@@ -21,7 +21,6 @@ class RequestServer(Protocol):
 
     def answer(self, key: str, reply: Reply) -> None:
         """Answer queries on exactly this key."""
-        ...
 
 
 def refuse_on(problem: type[Exception], reply: Callable[[bytes], bytes]) -> Reply:

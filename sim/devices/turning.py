@@ -45,24 +45,19 @@ class TurningDevice(Protocol):
     @property
     def sample_s(self) -> float:
         """Return the time between two samples."""
-        ...
 
     @property
     def turns_hz(self) -> float:
         """Return the speed of the head."""
-        ...
 
     def power_on(self) -> None:
         """Begin as after power-on."""
-        ...
 
     def feed(self, chunk: bytes) -> list[bytes]:
         """Process bytes of commands and return the replies."""
-        ...
 
     def frames(self, head_deg: Floats, mm: Millimetres) -> list[bytes]:
         """Add samples and return the frames that they fill."""
-        ...
 
 
 class TurningHead:

@@ -32,11 +32,6 @@ class Series:
     time_s: Floats
     value: Floats
 
-    def at(self, time_s: float) -> float:
-        """Return the newest value at a time, NaN before the first."""
-        index = int(np.searchsorted(self.time_s, time_s, side="right")) - 1
-        return float(self.value[index]) if index >= 0 else math.nan
-
     def __len__(self) -> int:
         """Return the number of values."""
         return len(self.time_s)

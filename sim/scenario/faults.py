@@ -18,24 +18,19 @@ class FaultyCar(Protocol):
     @property
     def vehicle(self) -> Vehicle:
         """Return the car's body."""
-        ...
 
     @property
     def lidar(self) -> LidarSettings:
         """Return the conditions of its lidar."""
-        ...
 
     def set_lidar(self, lidar: LidarSettings) -> None:
         """Change the conditions of its lidar."""
-        ...
 
     def plug_lidar(self, *, plugged: bool) -> None:
         """Pull the lidar's cable, or plug it in."""
-        ...
 
     def plug_motor(self, *, plugged: bool) -> None:
         """Pull the motor controller's cable, or plug it in."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

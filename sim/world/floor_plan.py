@@ -16,8 +16,6 @@ ON_THE_BORDER_M = 1e-6
 """Distance below which a point counts as on a piece's side, not inside: sides that lie on each other stay."""
 MIN_WALL_M = 1e-3
 
-Corners = list[tuple[float, float]]
-
 
 @dataclass(slots=True)
 class FloorPlan:

@@ -25,11 +25,9 @@ class Surroundings(Protocol):
 
     def cast(self, x_m: float | Floats, y_m: float | Floats, bearing_rad: Floats) -> Floats:
         """Return the distance along each world bearing (n,) from one origin, or one each; inf without a surface."""
-        ...
 
     def clearance(self, pose: Pose, footprint: Footprint = CAR) -> float:
         """Return the distance between the car's outline and the nearest surface, 0 in contact, inf without one."""
-        ...
 
 
 class Geometry(Protocol):
@@ -38,19 +36,15 @@ class Geometry(Protocol):
     @property
     def outline_m(self) -> Floats:
         """Segments (x0, y0, x1, y1), shape (k, 4), to draw."""
-        ...
 
     def cast(self, x_m: float | Floats, y_m: float | Floats, bearing_rad: Floats) -> Floats:
         """See Surroundings."""
-        ...
 
     def clearance(self, pose: Pose, footprint: Footprint) -> float:
         """See Surroundings."""
-        ...
 
     def mirrored(self) -> "Geometry":
         """Return the same walls with y negated."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)

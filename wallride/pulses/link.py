@@ -34,19 +34,15 @@ class OpenBench(Protocol):
 
     def open(self, steering_us: float, neutral_us: float) -> None:
         """Open both; CalibrationError with the remedy where one of them is away."""
-        ...
 
     def write(self, steering_us: float, throttle_us: float, neutral_us: float) -> tuple[float, float]:
         """Write pulses [us] for a moment, neutral after it; return what the board makes of them."""
-        ...
 
     def next_scan(self) -> Scan:
         """Wait for a scan; CalibrationError where lidar or board is lost."""
-        ...
 
     def close(self, stop_us: float, neutral_us: float) -> None:
         """Stop by this pulse [us] for a moment, then neutral; close both. Does nothing where they are not open."""
-        ...
 
 
 class PulseLink:

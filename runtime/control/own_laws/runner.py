@@ -32,17 +32,14 @@ class WantedDrive(Protocol):
     @property
     def side(self) -> Literal["left", "right"]:
         """Side of the followed wall."""
-        ...
 
     @property
     def desired_distance_m(self) -> float:
         """Wanted distance from the rear axle to the wall."""
-        ...
 
     @property
     def speed_mps(self) -> float:
         """Wanted speed."""
-        ...
 
 
 class OwnSection(Protocol):
@@ -51,12 +48,10 @@ class OwnSection(Protocol):
     @property
     def own(self) -> LawSettings:
         """The law's own settings."""
-        ...
 
     @property
     def budget_s(self) -> float:
         """Time allowed for an answer."""
-        ...
 
 
 class LawRunner:
