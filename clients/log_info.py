@@ -13,12 +13,13 @@ from typing import Any
 
 from wallride.clients.connection import ConnectionProblemError
 from wallride.runtime.host.terminal_text import one_line
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.recording.channels import EVENTS, text_of
 from wallride.runtime.recording.mcap_file import METADATA
+from wallride.runtime.recording.mcap_reading import Damage, FileFacts, LoggedRecord, McapReader
 from wallride.runtime.recording.recover import is_whole
-from wallride.runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError
+from wallride.runtime.recording.unpacking import UnpackingError
 
-NS = 1_000_000_000
 WEEK_NS = 7 * 24 * 3600 * NS
 
 
@@ -65,30 +66,19 @@ def describe(path: Path, *, as_json: bool) -> str:
 
 def read(path: Path) -> Info:
     """Read a file from its start as far as it is complete."""
-    from mcap import records
-    from mcap.stream_reader import StreamReader
-
-    info, schemas, channels = Info(), {}, {}
-    with path.open("rb") as file:
-        reader = StreamReader(file, emit_chunks=True, record_size_limit=MAX_RECORD_B)
-        try:
-            for record in Unpacking(path.stat().st_size).records(reader.records):
-                match record:
-                    case records.Metadata() if record.name == METADATA:
-                        info.facts = dict(record.metadata)
-                    case records.Schema():
-                        schemas[record.id] = record.name
-                    case records.Channel():
-                        channels[record.id] = record.topic
-                        info.kinds[record.topic] = schemas.get(record.schema_id, record.message_encoding)
-                    case records.Message():
-                        _count(info, channels[record.channel_id], record)
-                    case _:
-                        pass
-        except UnpackingError as error:
-            raise ConnectionProblemError(f"{path}: {error}") from None
-        except Exception as error:  # noqa: BLE001 - a parser that meets a torn end raises anything; it is shown
-            info.torn = str(error) or type(error).__name__
+    info = Info()
+    try:
+        for found in McapReader(path):
+            match found:
+                case FileFacts(name, values) if name == METADATA:
+                    info.facts = values
+                case LoggedRecord():
+                    info.kinds[found.topic] = found.schema or found.encoding
+                    _count(info, found.topic, found.record)
+                case Damage():
+                    info.torn = found.reason
+    except UnpackingError as error:
+        raise ConnectionProblemError(f"{path}: {error}") from None
     return info
 
 

@@ -16,6 +16,7 @@ from typing import Final, Never
 from wallride.drivers.api import Clock, Health, LinkState, Scan
 from wallride.drivers.link import Tap
 from wallride.drivers.scan_check import ScanCheck
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.ros.graph import scan_source
 from wallride.runtime.ros.laser_scan import LaserScan, read_laser_scan
 from wallride.runtime.settings.devices import TopicLidarSettings
@@ -25,7 +26,6 @@ from wallride.runtime.wire.ingress import MAX_INCOMING_B
 from wallride.runtime.wire.network import Network
 from wallride.runtime.wire.rmw_zenoh import RosGraph, read_attachment
 
-NS: Final = 1_000_000_000
 CLEAN_S: Final = 1.0
 """Time without a broken rule after which scans are delivered again; the permit has ended before."""
 CLOCK_OFF_S: Final = 2.0

@@ -5,15 +5,16 @@ import warnings
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain
 from pathlib import Path
 from typing import Any, Generic, Self, TypeVar
 
 from wallride.clients.connection import ConnectionProblemError
-from wallride.clients.remote.values import NS, Value, value_of
+from wallride.clients.remote.values import Value, value_of
 from wallride.clients.topics import KINDS
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.recording.channels import SETTINGS, STRING, text_of
-from wallride.runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError, types_at_end
+from wallride.runtime.recording.mcap_reading import Damage, LoggedRecord, McapReader
+from wallride.runtime.recording.unpacking import UnpackingError
 
 T = TypeVar("T")
 
@@ -110,51 +111,20 @@ class RecordedCar:
 
     def _messages(self) -> Iterator[_Raw]:
         """Yield the messages as far as the file is complete, with a warning for each piece inside that is damaged."""
-        from mcap import records
-        from mcap.stream_reader import StreamReader
-
-        schemas: dict[int, str] = {}
-        channels: dict[int, tuple[str, str]] = {}
         try:
-            with self.path.open("rb") as file:
-                reader = StreamReader(file, emit_chunks=True, record_size_limit=MAX_RECORD_B)
-                unpacking = Unpacking(self.path.stat().st_size)
-                inside = (one for record in reader.records for one in self._unpacked(unpacking, record))
-                for record in chain(types_at_end(file), inside):
-                    match record:
-                        case records.Schema():
-                            schemas[record.id] = record.name
-                        case records.Channel():
-                            channels[record.id] = record.topic.strip("/"), schemas.get(record.schema_id, "")
-                        case records.Message():
-                            yield _Raw(*channels[record.channel_id], record.log_time / NS, record.data)
-                        case _:
-                            pass
-        except Warning:  # where the caller has made warnings errors
-            raise
+            for found in McapReader(self.path):
+                match found:
+                    case LoggedRecord():
+                        yield _Raw(found.topic.strip("/"), found.schema, found.record.log_time / NS, found.record.data)
+                    case Damage(is_end=False):
+                        words = f"{found.duration_s:.1f} s of messages are damaged and left out ({found.reason})"
+                        warnings.warn(f"{self.path}: {words}", stacklevel=2)
+                    case _:
+                        pass
         except OSError as error:
             raise ConnectionProblemError(f"{self.path}: cannot be read: {error.strerror or error}") from None
         except UnpackingError as error:
             raise ConnectionProblemError(f"{self.path}: {error}") from None
-        except Exception:  # noqa: BLE001 - a parser that meets a torn end raises anything; what was before it is yielded
-            return
-
-    def _unpacked(self, unpacking: Unpacking, record: Any) -> Iterator[Any]:  # noqa: ANN401 - mcap's
-        """Yield a record, or those in a chunk."""
-        from mcap.records import Chunk
-
-        if not isinstance(record, Chunk):
-            yield from unpacking.records([record])
-            return
-        try:
-            yield from unpacking.inside(record)
-        except UnpackingError:
-            raise
-        except Exception as error:  # noqa: BLE001 - a parser that meets damage raises anything
-            begin_s, end_s = record.message_start_time / NS, record.message_end_time / NS
-            warnings.warn(
-                f"{self.path}: {end_s - begin_s:.1f} s of messages are damaged and left out ({error})", stacklevel=2
-            )
 
 
 def _flat(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:

@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from wallride.clients.decoding import UnreadableError, decode, message_of
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.ros.definitions import TYPES
 from wallride.runtime.wire import topics
 
-NS: Final = 1_000_000_000
 Floats = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 
 

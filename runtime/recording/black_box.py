@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from wallride.runtime.arbitration.command import Output, Source, SpeedLimit
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.recording.channels import RecordMessage
 from wallride.runtime.recording.decision_log import Heard
 
-NS = 1_000_000_000
 MAX_BYTES = 24_000_000
 BLOCK_B = 256 << 10
 """Length of a block of remembered bytes, a second of a drive; the shortest that is worth a call of the system."""

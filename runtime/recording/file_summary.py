@@ -5,10 +5,10 @@ import struct
 from pathlib import Path
 from typing import IO, Final
 
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.recording.disk import opened
 from wallride.runtime.recording.recover import HEAD_B, MAGIC
 
-NS: Final = 1_000_000_000
 FOOTER: Final = struct.Struct("<BQQQI")
 """Opcode and length, beginning of the summary and of its offsets, checksum."""
 FOOTER_OPCODE: Final = 0x02

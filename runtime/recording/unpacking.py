@@ -1,10 +1,10 @@
 """Records of an MCAP file with a bound on what its chunks unpack to: 200 kB of a foreign file can hold gigabytes."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from io import BytesIO
-from typing import IO, Any, Final
+from typing import Any, Final
 
 LEAST_BYTES: Final = 256 << 20
 MOST_TIMES: Final = 50
@@ -32,23 +32,6 @@ def bomb(size_bytes: int) -> UnpackingError:
     )
 
 
-def types_at_end(file: IO[bytes]) -> list[Any]:
-    """Return the records of schemas and channels that the end of a whole file repeats; none of a torn one.
-
-    A damaged chunk may have been the only other place of them. The position in the file stays.
-    """
-    from mcap.reader import SeekingReader
-
-    at = file.tell()
-    file.seek(0)
-    try:
-        summary = SeekingReader(file, record_size_limit=MAX_RECORD_B).get_summary()
-    except Exception:  # noqa: BLE001 - a parser that meets damage raises anything
-        summary = None
-    file.seek(at)
-    return [*summary.schemas.values(), *summary.channels.values()] if summary is not None else []
-
-
 class Unpacking:
     """What a file of a size may still unpack to."""
 
@@ -57,25 +40,13 @@ class Unpacking:
         self._bytes_left = most_bytes(size_bytes)
         self._messages_left = max(LEAST_MESSAGES, size_bytes // BYTES_PER_MESSAGE)
 
-    def records(self, records: Iterable[Any]) -> Iterator[Any]:
-        """Yield records, those of a chunk in its place; UnpackingError when they become too many."""
-        from mcap.records import Chunk, Message
-
-        for record in records:
-            if isinstance(record, Chunk):
-                yield from self.inside(record, validate=False)
-                continue
-            if isinstance(record, Message):
-                self.count()
-            yield record
-
-    def inside(self, chunk: Any, *, validate: bool = True) -> Iterator[Any]:  # noqa: ANN401 - mcap's
+    def inside(self, chunk: Any) -> Iterator[Any]:  # noqa: ANN401 - mcap's
         """Yield the records in a chunk, one at a time; whatever mcap raises for damage."""
         from mcap.exceptions import EndOfFile
         from mcap.records import Message
         from mcap.stream_reader import StreamReader
 
-        data = self.content(chunk, validate=validate)
+        data = self.content(chunk)
         stream = BytesIO(data)
         with suppress(EndOfFile):
             reader = StreamReader(stream, skip_magic=True, emit_chunks=True, record_size_limit=len(data))
@@ -86,8 +57,8 @@ class Unpacking:
                 if stream.tell() >= len(data):
                     return
 
-    def content(self, chunk: Any, *, validate: bool = True) -> bytes:  # noqa: ANN401 - mcap's
-        """Return the unpacked bytes of a chunk; validate: compare its sum."""
+    def content(self, chunk: Any) -> bytes:  # noqa: ANN401 - mcap's
+        """Return the unpacked bytes of a chunk whose sum is right."""
         from mcap.stream_reader import get_chunk_data_stream
 
         data = _unpacked(chunk, self._bytes_left + 1)
@@ -96,8 +67,7 @@ class Unpacking:
             raise bomb(self._size_bytes)
         if len(data) < chunk.uncompressed_size:
             raise ValueError("a chunk is shorter than it says")
-        if validate:
-            get_chunk_data_stream(replace(chunk, compression="", data=data), validate_crc=True)
+        get_chunk_data_stream(replace(chunk, compression="", data=data), validate_crc=True)
         return data
 
     def count(self, messages: int = 1) -> None:

@@ -1,12 +1,11 @@
 """Readers of ROS 2 messages that reach the car. Bytes from outside: every length is checked before it is used."""
 
 import struct
-from typing import Final
 
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.ros.cdr import ENCAPSULATION
 from wallride.runtime.wire.teleop import MAX_SPEED_MPS, MAX_STEERING_RAD, Malformed
 
-NS: Final = 1_000_000_000
 _STAMP_AND_LENGTH = struct.Struct("<iII")
 _DRIVE = struct.Struct("<fffff")
 

@@ -10,11 +10,11 @@ import numpy.typing as npt
 from wallride.drivers.accelerated import accelerated
 from wallride.drivers.scan_check import MAX_BEAMS
 from wallride.drivers.value import value
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.ros.cdr import ENCAPSULATION
 from wallride.runtime.wire.ingress import MAX_INCOMING_B
 from wallride.runtime.wire.teleop import Malformed
 
-NS: Final = 1_000_000_000
 MAX_FRAME_B: Final = 256
 _HEADER = struct.Struct("<4xiII")
 """After the encapsulation: the stamp, and the length of the frame's name."""

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from wallride.drivers.value import value
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.ros.cdr import ENCAPSULATION, CdrWriter, Template
-from wallride.runtime.ros.messages import BASE, NOTHING, NS, Floats, header, split_time
+from wallride.runtime.ros.messages import BASE, NOTHING, Floats, header, split_time
 
 LIFETIME_S = 0.6
 """Lifetime of a marker that is not renewed."""

@@ -13,10 +13,10 @@ import numpy.typing as npt
 
 from wallride.drivers.api import MotorState, Scan
 from wallride.drivers.value import value
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.ros.cdr import CdrWriter, Template
 
 BASE, LASER, ODOM, MAP = "base_link", "laser", "odom", "map"
-NS = 1_000_000_000
 MAX_SECONDS = 2**31 - 1
 
 Floats = npt.NDArray[np.float64]

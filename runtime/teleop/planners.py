@@ -24,6 +24,7 @@ from wallride.runtime.arbitration.command import DriveCommand, Source, refusal
 from wallride.runtime.arbitration.command_queue import CommandQueue
 from wallride.runtime.arbitration.permit import Permit
 from wallride.runtime.host.rate_limited_log import RateLimitedLog
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.ros.commands import read_ackermann
 from wallride.runtime.teleop.rejections import Refusal, Refusals
 from wallride.runtime.teleop.ros_drive import DriveSeries, Stamps
@@ -35,7 +36,6 @@ log = logging.getLogger("wallride.planners")
 
 FORGET_AFTER_S: Final = 3.0
 HEARD_S: Final = 1.0
-NS: Final = 1_000_000_000
 
 
 @dataclass(slots=True)

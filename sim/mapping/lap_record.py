@@ -12,11 +12,12 @@ import numpy.typing as npt
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.calibration.scan_motion import Kind
 from wallride.runtime.control.vehicle import CarSettings
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.recording.decision_log import Event, FollowerEvent, SafetyEvent, ScanEvent
 from wallride.runtime.wire import topics
 from wallride.sim.fit.drive import scan_times_s
 from wallride.sim.recordings import Recording, RecordingError, load_recording
-from wallride.sim.replay.drive_log import NS, DriveLog, decode, is_mcap, read_log
+from wallride.sim.replay.drive_log import DriveLog, decode, is_mcap, read_log
 from wallride.sim.replay.reenact import events_of
 from wallride.sim.replay.settings_text import settings_of
 from wallride.sim.world.pose import Floats

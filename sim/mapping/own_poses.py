@@ -11,8 +11,8 @@ from wallride.runtime.control.line_following.race_line import CourseLine
 from wallride.runtime.control.localization.localizer import PoseEstimate
 from wallride.runtime.line_files import LINE_SUFFIX, course_of, read_line
 from wallride.runtime.map_files import CarMap, MapError
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.recording.decision_log import FollowerEvent, ScanEvent
-from wallride.runtime.ros.messages import NS
 from wallride.runtime.wire import topics
 from wallride.sim.replay.drive_log import DriveLog, decode
 from wallride.sim.replay.reenact import events_of

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 from wallride.runtime.recording.channels import SETTINGS, STRING, TAPE, text_of
 from wallride.runtime.recording.mcap_file import METADATA
-from wallride.runtime.recording.unpacking import MAX_RECORD_B, Unpacking, UnpackingError, types_at_end
+from wallride.runtime.recording.mcap_reading import Damage, FileFacts, LoggedRecord, McapReader
+from wallride.runtime.recording.unpacking import UnpackingError
 from wallride.runtime.ros.definitions import definition
 from wallride.sim.recordings import RecordingError
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-NS = 1_000_000_000
 MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -107,10 +107,8 @@ def read_log(path: Path, until: str | None = None) -> DriveLog:
     until: a topic; little more is read than up to its first message.
     """
     log = DriveLog(path.stem)
-    reading = _Reading(log)
     try:
-        with path.open("rb") as file:
-            reading.read(file, path.stat().st_size, until)
+        _read(path, log, until)
     except UnpackingError as error:
         raise RecordingError(f"{path}: {error}.") from None
     except ModuleNotFoundError as error:
@@ -125,79 +123,40 @@ def read_log(path: Path, until: str | None = None) -> DriveLog:
     return log
 
 
-class _Reading:
-    """One pass over a file."""
-
-    def __init__(self, log: DriveLog) -> None:
-        self._log = log
-        self._schemas: dict[int, str] = {}
-        self._channels: dict[int, tuple[str, str]] = {}
-        self._damaged: Counter[str] = Counter()
-        self._unpacking = Unpacking(0)
-        self._file: Any = None
-
-    def read(self, file: Any, size_bytes: int, until: str | None) -> None:  # noqa: ANN401 - mcap takes any binary file
-        from mcap.stream_reader import StreamReader
-
-        self._unpacking, self._file = Unpacking(size_bytes), file
-        reader = StreamReader(file, emit_chunks=True, record_size_limit=MAX_RECORD_B)
-        try:
-            for record in reader.records:
-                self._take(record)
-                if until is not None and any(message.topic == until for message in self._log.messages):
+def _read(path: Path, log: DriveLog, until: str | None) -> None:
+    damaged: Counter[str] = Counter()
+    for found in McapReader(path):
+        match found:
+            case LoggedRecord():
+                if trouble := _add(log, found):
+                    damaged[trouble] += 1
+                elif until is not None and log.messages and log.messages[-1].topic == until:
                     break
-        except UnpackingError:
-            raise
-        except Exception as error:  # noqa: BLE001 - a parser that meets damage raises anything; told to the user
-            reason = str(error).rstrip(".") or type(error).__name__
-            self._log.notes.append(
-                f"{self._log.name} ends in the middle ({reason}): {len(self._log.messages)} messages were saved."
-            )
-        if damaged := sum(self._damaged.values()):
-            self._log.notes.append(f"{damaged} damaged pieces are left out ({', '.join(self._damaged)}).")
+            case FileFacts(name, values):
+                log.metadata[name] = values
+            case Damage(is_end=False):
+                damaged[found.reason] += 1
+            case Damage():
+                saved = f"{len(log.messages)} messages were saved"
+                log.notes.append(f"{log.name} ends in the middle ({found.reason}): {saved}.")
+    if damaged:
+        log.notes.append(f"{damaged.total()} damaged pieces are left out ({', '.join(damaged)}).")
 
-    def _take(self, record: object) -> None:
-        from mcap import records
 
-        match record:
-            case records.Chunk():
-                self._open_chunk(record)
-            case records.Schema():
-                self._schemas[record.id] = record.name
-            case records.Channel():
-                is_cdr = record.message_encoding == "cdr"
-                schema = self._schemas.get(record.schema_id, "") if is_cdr else ""
-                if schema or not is_cdr:  # the schema of another may have been in a damaged chunk
-                    self._channels[record.id] = (record.topic.strip("/"), schema)
-            case records.Message():
-                topic, schema = self._channels.get(record.channel_id, ("", ""))
-                if topic:
-                    self._add(topic, schema, record)
-            case records.Metadata():
-                self._log.metadata[record.name] = dict(record.metadata)
-
-    def _add(self, topic: str, schema: str, record: Any) -> None:  # noqa: ANN401 - as mcap gives it
-        payload = record.data
-        if schema == STRING:
-            schema = ""
-            try:
-                payload = text_of(payload)
-            except ValueError as error:
-                self._damaged[f"{topic}: {error}"] += 1
-                return
-        self._log.messages.append(LoggedMessage(topic, schema, record.log_time, payload, record.sequence))
-
-    def _open_chunk(self, chunk: Any) -> None:  # noqa: ANN401 - as mcap gives it
+def _add(log: DriveLog, found: LoggedRecord) -> str:
+    """Add a message; return why it is damaged, "" where it is not."""
+    topic, schema, record = found.topic.strip("/"), found.schema if found.encoding == "cdr" else "", found.record
+    if found.encoding == "cdr" and not schema:  # it was in a damaged chunk
+        return ""
+    payload = record.data
+    if schema == STRING:
+        schema = ""
         try:
-            for record in self._unpacking.inside(chunk):
-                self._take(record)
-        except UnpackingError:
-            raise
-        except Exception as error:  # noqa: BLE001 - a parser that meets damage raises anything; counted and told
-            self._damaged[str(error) or type(error).__name__] += 1
-            if self._damaged.total() == 1:
-                for known in types_at_end(self._file):
-                    self._take(known)
+            payload = text_of(payload)
+        except ValueError as error:
+            return f"{topic}: {error}"
+    log.messages.append(LoggedMessage(topic, schema, record.log_time, payload, record.sequence))
+    return ""
 
 
 def decode(message: LoggedMessage) -> Any:  # noqa: ANN401 - built at run time by the type store

@@ -5,10 +5,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from wallride.drivers.api import NOT_OPENED, LinkState
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.recording.channels import LOG
 from wallride.runtime.wire import topics
 from wallride.sim.figures.summary import count_words, device_counts
-from wallride.sim.replay.drive_log import NS, DriveLog
+from wallride.sim.replay.drive_log import DriveLog
 
 SERIOUS = frozenset({"WARNING", "ERROR", "CRITICAL"})
 SAME_NS = 3 * NS // 2

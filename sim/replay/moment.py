@@ -9,11 +9,12 @@ from typing import Any
 
 from wallride.runtime.arbitration.command import NO_WINNER, Output
 from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.recording.decision_log import DecisionEvent, Event, FollowerEvent, ScanEvent
 from wallride.runtime.telemetry.screen_words import because, steering_words
 from wallride.runtime.wire import topics
 from wallride.sim.recordings import RecordingError
-from wallride.sim.replay.drive_log import NS, DriveLog
+from wallride.sim.replay.drive_log import DriveLog
 from wallride.sim.replay.faults import faults_in
 from wallride.sim.replay.reenact import duration_s, events_of, first_time_s
 

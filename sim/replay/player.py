@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from wallride.drivers.api import Clock
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.ros.definitions import TYPES
 from wallride.runtime.wire import topics
-from wallride.sim.replay.drive_log import NS, DriveLog, LoggedMessage
+from wallride.sim.replay.drive_log import DriveLog, LoggedMessage
 
 PLAYED = frozenset({*TYPES, *topics.JSON_TOPICS})
 """Topics of the telemetry; the decision log, settings and log lines of a recording are no topics."""

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from wallride.runtime.arbitration.command import NO_WINNER
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.recording import decision_codec
 from wallride.runtime.recording.channels import TAPE
 from wallride.runtime.recording.decision_codec import TapeError
 from wallride.runtime.recording.decision_log import ScanEvent
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.wire import topics
-from wallride.sim.replay.drive_log import NS, DriveLog, LoggedMessage, decode
+from wallride.sim.replay.drive_log import DriveLog, LoggedMessage, decode
 from wallride.sim.replay.faults import RecordedFault, faults_in
 from wallride.sim.replay.reenact import first_time_s
 from wallride.sim.replay.settings_text import TunedSetting, settings_of, tuned_in

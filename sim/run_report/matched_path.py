@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.wire import topics
 from wallride.sim.mapping.closing import close_lap
 from wallride.sim.mapping.lap_record import record_of_log
@@ -16,7 +17,7 @@ from wallride.sim.mapping.odometry_path import of_the_axle
 from wallride.sim.mapping.pose_graph import between, placed
 from wallride.sim.mapping.verdict import judge_map
 from wallride.sim.recordings import RecordingError
-from wallride.sim.replay.drive_log import NS, DriveLog, decode
+from wallride.sim.replay.drive_log import DriveLog, decode
 from wallride.sim.replay.run import DrivenPath, RecordedRun
 from wallride.sim.world.pose import Floats
 

@@ -12,8 +12,8 @@ from mcap.writer import Writer
 from tests.typed import typed
 from wallride.clients import logs
 from wallride.clients.connection import ConnectionProblemError
-from wallride.clients.log_info import NS, describe
-from wallride.runtime.realtime.wall_clock import WallClock
+from wallride.clients.log_info import describe
+from wallride.runtime.realtime.wall_clock import NS, WallClock
 from wallride.runtime.recording import channels
 from wallride.runtime.recording.recorder import Recorder
 from wallride.runtime.recording.recover import is_whole

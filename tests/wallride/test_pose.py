@@ -12,9 +12,10 @@ from wallride import cli
 from wallride.runtime.control.line_following.line_follower import DRIVES
 from wallride.runtime.line_files import read_line
 from wallride.runtime.map_files import read_map
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.wire import topics
 from wallride.sim.mapping import pose_command
-from wallride.sim.replay.drive_log import NS, decode, read_log
+from wallride.sim.replay.drive_log import decode, read_log
 from wallride.sim.replay.reenact import reenact
 
 FOLLOW = {"wall_follow": {"speed_mps": 4.0}}

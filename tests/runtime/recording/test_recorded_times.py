@@ -16,14 +16,13 @@ from tests.runtime.recording.drives import EPOCH_NS, Drive
 from tests.runtime.recording.reading import streamed
 from wallride.clients.log_info import describe
 from wallride.runtime.arbitration.command import Source, refusal
-from wallride.runtime.realtime.wall_clock import WallClock, never_set
+from wallride.runtime.realtime.wall_clock import NS, WallClock, never_set
 from wallride.runtime.recording.channels import text_of
 from wallride.runtime.recording.recover import recover
 from wallride.runtime.wire import topics
 from wallride.sim.replay.drive_log import read_log
 from wallride.sim.replay.run import run_of
 
-NS = 1_000_000_000
 DRIVEN_S = 4.0
 YEAR_S = 365 * 86_400.0
 

@@ -12,6 +12,7 @@ from pycdr2 import types
 from rosbags.typesys import Stores
 
 from tests.runtime.ros.samples import MOTOR, RANGES_M, SAMPLES, STAMP_NS, read_as_foxglove_does, ros_store
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.ros import messages
 from wallride.runtime.ros.cdr import CdrWriter
 from wallride.runtime.ros.definitions import TYPES, definition, encoding
@@ -211,6 +212,6 @@ def test_numbers_may_be_written_together_or_one_by_one(letters):
 
 @pytest.mark.parametrize("stamp_s", [2**31, 2**32 + 5, -(2**31) - 7])
 def test_a_stamp_beyond_ros_2s_32_bits_is_their_last(stamp_s):
-    assert messages.split_time(stamp_s * messages.NS) == (2**31 - 1, 999_999_999)
-    assert messages.split_time((2**31 - 1) * messages.NS + 4) == (2**31 - 1, 4)
-    assert messages.odometry(stamp_s * messages.NS, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert messages.split_time(stamp_s * NS) == (2**31 - 1, 999_999_999)
+    assert messages.split_time((2**31 - 1) * NS + 4) == (2**31 - 1, 4)
+    assert messages.odometry(stamp_s * NS, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -12,9 +12,10 @@ from tests.sim.replay.recorded import options, record
 from tests.sim.run_report.test_page import data_of
 from wallride.cli import main
 from wallride.runtime.control.own_laws import law_class
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.sim.recordings import RecordingError
 from wallride.sim.replay import command as replaying
-from wallride.sim.replay.drive_log import NS, DriveLog, LoggedMessage, read_log
+from wallride.sim.replay.drive_log import DriveLog, LoggedMessage, read_log
 from wallride.sim.replay.faults import UNHEARD, faults_in
 from wallride.sim.replay.figures import numbers
 from wallride.sim.replay.moment import moment_at_time

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from tests.sim.replay.recorded import record
+from wallride.runtime.realtime.wall_clock import NS
 from wallride.runtime.ros import messages
 from wallride.runtime.ros.definitions import TYPES
-from wallride.sim.replay.drive_log import NS, DriveLog, LoggedMessage, read_log
+from wallride.sim.replay.drive_log import DriveLog, LoggedMessage, read_log
 from wallride.sim.replay.run import run_of
 from wallride.sim.run_report.matched_path import matched_path, told_path
 from wallride.sim.run_report.page import page
