@@ -43,9 +43,8 @@ def _add_person(actions: Commands) -> argparse.ArgumentParser:
     person.add_argument(
         "--role",
         choices=ROLES,
-        required=True,
         help="viewer: receives topics, reads settings; operator: also drives, changes settings; admin: also records;"
-        " planner: a viewer that plans under safety; car: one of a fleet, at its routers",
+        " planner: a viewer that plans under safety; car: one of a fleet, at its routers (with --renew: as before)",
     )
     person.add_argument("--out", type=Path, metavar="DIR", help="new folder for the keys (default: ./NAME-keys)")
     return person

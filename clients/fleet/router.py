@@ -3,6 +3,7 @@
 import argparse
 import json
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,7 +19,10 @@ KEY_FILES: Final = ("root_ca_certificate", "listen_certificate", "listen_private
 
 async def run(options: argparse.Namespace) -> int:
     """Route until SIGINT or SIGTERM; options as of `wallride.fleet.options`."""
-    bus = Bus(read_config(options.file) if options.file is not None else bench_config(options.listen))
+    config = read_config(options.file) if options.file is not None else bench_config(options.listen)
+    for words in _about_certificate(config, datetime.now(UTC)):
+        options.print_line(words)
+    bus = Bus(config)
     try:
         await bus.open()
     except OSError as error:
@@ -29,6 +33,21 @@ async def run(options: argparse.Namespace) -> int:
     finally:
         await bus.close()
     return 0
+
+
+def _about_certificate(config: dict[str, Any], now: datetime) -> Iterator[str]:
+    """Yield why clients and cars will refuse this router, now or soon."""
+    tls = config.get("transport", {}).get("link", {}).get("tls") or {}
+    if "listen_certificate" not in tls:
+        return
+    try:
+        from wallride.runtime.security.certificates import identity_in
+
+        identity = identity_in(Path(tls["listen_certificate"]))
+    except (ModuleNotFoundError, ValueError):  # a router needs no package for its keys; zenoh says what is damaged
+        return
+    if words := identity.trouble(now) or identity.warning(now):
+        yield f"its certificate {words}; where the fleet's keys are: wallride keys router {identity.name} --renew"
 
 
 def read_config(file: Path) -> dict[str, Any]:

@@ -83,7 +83,11 @@ class Authority:
         expires = now + timedelta(days=days)
         if expires > self._certificate.not_valid_after_utc:
             end = self._certificate.not_valid_after_utc
-            raise KeysError(f"the car's authority itself ends on {end:%Y-%m-%d}; take fewer --days, or begin anew")
+            remedy = (
+                "take fewer --days" if end > now + timedelta(days=1)
+                else "move the folder away, and begin anew: `wallride keys init` or `router`, then `add` for everyone"
+            )  # fmt: skip
+            raise KeysError(f"the authority that signs the keys itself ends on {end:%Y-%m-%d}; {remedy}")
         builder = _builder(subject, self._certificate.subject, key.public_key(), now, expires)
         for extension in [
             x509.BasicConstraints(ca=False, path_length=None),

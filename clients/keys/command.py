@@ -8,12 +8,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from cryptography import x509
-
 from wallride.clients.keys.folder import KeyFolder
 from wallride.runtime.host.output_files import write_file
+from wallride.runtime.realtime.wall_clock import FIRST_S
 from wallride.runtime.security.access_list import AccessEntry, KeysError
-from wallride.runtime.security.certificates import EXPIRES_SOON, CertificateIdentity, identity_of
+from wallride.runtime.security.certificates import EXPIRES_SOON, CertificateIdentity, identity_in
 from wallride.runtime.security.key_files import AUTHORITY, CAR, open_to_others
 from wallride.runtime.wire.router_config import router_config
 from wallride.runtime.wire.zenoh_config import Person, Role, Tls
@@ -29,9 +28,12 @@ RESTART = "the car reads the list when it starts: sudo systemctl restart wallrid
 
 def run(options: argparse.Namespace, car: str) -> list[str]:
     """Run the requested action and return the lines to print; KeysError with a remedy."""
+    now = datetime.now(UTC)
+    if now.timestamp() < FIRST_S and options.action in {"init", "add", "router"}:
+        raise KeysError(f"this computer believes that it is {now:%Y-%m-%d}; set the clock (timedatectl), then again")
     actions = {"init": _init, "add": _add, "revoke": _revoke, "list": _list, "router": _router}
     try:
-        return actions[options.action](options, car, datetime.now(UTC))
+        return actions[options.action](options, car, now)
     except PermissionError as error:
         where = error.filename or options.dir
         raise KeysError(f"{where}: not permitted; use sudo, or another folder: --dir DIR") from None
@@ -54,7 +56,7 @@ def _init(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
 
 
 def _add(options: argparse.Namespace, _car: str, now: datetime) -> list[str]:
-    person = Person(options.name, Role(options.role))
+    person = Person(options.name, _role(options))
     folder = options.out or Path(f"{options.name}-keys")
     car = _car_identity(options.dir).name if (options.dir / f"{CAR}.pem").exists() else ""
     entry = KeyFolder(options.dir).add(person, folder, now, options.days, renew=options.renew)
@@ -67,6 +69,16 @@ def _add(options: argparse.Namespace, _car: str, now: datetime) -> list[str]:
         f"there:       wallride status --connect tls/{car}.local:{SECURE_PORT}",
         f"on this car: {RESTART}",
     ]
+
+
+def _role(options: argparse.Namespace) -> Role:
+    """Return the role that was named, or with --renew the one that the person has."""
+    if options.role is not None:
+        return Role(options.role)
+    people = KeyFolder(options.dir).people() if options.renew else ()
+    if known := next((entry.person for entry in people if entry.person.name == options.name), None):
+        return known.role
+    raise KeysError(f"{options.name}: name a role: --role {'|'.join(Role)}")
 
 
 def _added_to_fleet(person: Person, folder: Path, entry: AccessEntry) -> list[str]:
@@ -110,7 +122,14 @@ def _router(options: argparse.Namespace, _car: str, now: datetime) -> list[str]:
         f"on its computer:       {start}",
         f'in each car\'s settings: [telemetry]  connect = ["tls/{options.name}.local:{ROUTER_PORT}"]',
         f"cars, people:          wallride keys add NAME --role ROLE --dir {options.dir}, then this again",
+        *_about_router(folder / f"{options.name}.pem", now),
     ]
+
+
+def _about_router(certificate: Path, now: datetime) -> list[str]:
+    identity = identity_in(certificate)
+    words = identity.trouble(now) or identity.warning(now)
+    return [f"the router's certificate {words}: this with --renew, then copy the folder there"] if words else []
 
 
 def _revoke(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
@@ -171,7 +190,7 @@ def _listing(identity: CertificateIdentity, people: Sequence[AccessEntry]) -> di
 def _car_identity(directory: Path) -> CertificateIdentity:
     """Return the identity in the car's certificate; its key, readable only by its owner, is not needed."""
     try:
-        return identity_of(x509.load_pem_x509_certificate((directory / f"{CAR}.pem").read_bytes()))
+        return identity_in(directory / f"{CAR}.pem")
     except ValueError:
         raise KeysError(f"{directory / CAR}.pem: is not a certificate; wallride keys init --renew") from None
 

@@ -23,6 +23,7 @@ from pathlib import Path
 
 from wallride.clients.keys.authority import Authority, KeyPair
 from wallride.runtime.security.access_list import CAR_FORM, AccessEntry, KeysError, name_trouble, read_people
+from wallride.runtime.security.certificates import identity_in
 from wallride.runtime.security.key_files import AUTHORITY, AUTHORITY_KEY, CAR, PEOPLE, open_to_others
 from wallride.runtime.wire.zenoh_config import Person, Role
 
@@ -68,7 +69,7 @@ class KeyFolder:
                 raise KeysError(
                     f"{self.path}: has keys already; --renew makes the car's certificate anew, people keep theirs"
                 )
-            alternatives = names_of_car(car, names)
+            alternatives = names_of_car(car, [*_names_in(self.path / f"{CAR}.pem"), *names])
             pair = self._authority().certify_car(car, alternatives, now, days)
             _store(self._place, CAR, pair, group=_service_group())
             if not (self.path / PEOPLE).exists():
@@ -80,7 +81,8 @@ class KeyFolder:
     ) -> tuple[Path, list[str]]:
         """Make a router's folder, and the fleet's authority where it is missing; return it and its names.
 
-        Keys that are there stay unless `renew`; the folder holds all that goes to the router's computer.
+        Keys that are there stay unless `renew`, which keeps their names and adds new ones; the folder holds all that
+        goes to the router's computer.
         """
         if not CAR_FORM.fullmatch(name):
             raise KeysError(f"{name}: is not a router's name; 1 to 32 of a-z, 0-9, _ and -")
@@ -92,9 +94,12 @@ class KeyFolder:
                 self._write_people(())
             folder = self.path / name
             folder.mkdir(mode=0o700, exist_ok=True)
-            alternatives = names_of_car(name, names)
+            known = _names_in(folder / f"{name}.pem")
+            if known and not renew and (new := [one for one in names if one not in known]):
+                raise KeysError(f"{folder}: has a certificate without {', '.join(new)}; --renew makes it anew")
+            alternatives = known if known and not renew else names_of_car(name, [*known, *names])
             with _opened(folder) as place:
-                if renew or not (folder / f"{name}.pem").exists():
+                if alternatives is not known:
                     _store(place, name, self._authority().certify_car(name, alternatives, now, days))
                 _write(place, AUTHORITY, (self.path / AUTHORITY).read_bytes(), 0o644)
             return folder, alternatives
@@ -178,6 +183,16 @@ class KeyFolder:
             if entry.revoked is not None:
                 lines.append(f"revoked = {entry.revoked}\n")
         _write(self._place, PEOPLE, "".join(lines).encode(), 0o644)
+
+
+def _names_in(file: Path) -> list[str]:
+    """Return the names and addresses in a certificate, none where there is none."""
+    if not file.exists():
+        return []
+    try:
+        return list(identity_in(file).names)
+    except ValueError:
+        return []  # a damaged one is made anew
 
 
 def names_of_car(car: str, more: Sequence[str]) -> list[str]:

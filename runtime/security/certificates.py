@@ -71,6 +71,11 @@ def read_identity(tls: Tls, *, for_car: bool) -> CertificateIdentity:
     return identity_of(certificate)
 
 
+def identity_in(path: Path) -> CertificateIdentity:
+    """Return the identity in a certificate's file; ValueError where it holds none."""
+    return identity_of(x509.load_pem_x509_certificate(path.read_bytes()))
+
+
 def identity_of(certificate: x509.Certificate) -> CertificateIdentity:
     """Return the identity in a certificate."""
     try:

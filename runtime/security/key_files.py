@@ -52,16 +52,19 @@ def uplink_sessions(
 ) -> tuple[list[dict[str, Any]], tuple[str, ...]]:
     """Return the configurations of the car's sessions with routers, and the warnings about the keys.
 
-    planners, highest: as in `uplink_config`. KeysError when the keys cannot be used, or are those of another name.
+    planners, highest: as in `uplink_config`. KeysError when the keys cannot be used, or are those of another name; as
+    with `car_keys`, one that is not valid *now* is a warning.
     """
-    keys = client_keys(directory, now) if any(map(is_tls, connect)) else None
-    if keys is not None and keys.identity.name != car:
-        raise KeysError(
-            f"{keys.tls.certificate} is for {keys.identity.name}, and this car is {car}: a router would let it say"
-            f" nothing; `wallride keys add {car} --role car` where the fleet's keys are"
-        )
-    tls = keys.tls if keys is not None else None
-    warnings = keys.warnings if keys is not None else ()
+    tls: Tls | None = None
+    warnings: tuple[str, ...] = ()
+    if any(map(is_tls, connect)):
+        keys, trouble = _persons_keys(directory, now)
+        if keys.identity.name != car:
+            raise KeysError(
+                f"{keys.tls.certificate} is for {keys.identity.name}, and this car is {car}: a router would let it say"
+                f" nothing; `wallride keys add {car} --role car` where the fleet's keys are"
+            )
+        tls, warnings = keys.tls, (f"nothing goes to a router: {trouble}",) if trouble else keys.warnings
     return [uplink_config(endpoint, tls, car, planners, highest) for endpoint in connect], warnings
 
 
@@ -102,14 +105,21 @@ def open_to_others(directory: Path) -> list[str]:
 
 def client_keys(directory: Path, now: datetime) -> KeyFiles:
     """Find and check a person's folder; KeysError when no car would accept it."""
+    keys, trouble = _persons_keys(directory, now)
+    if trouble:
+        raise KeysError(trouble)
+    return keys
+
+
+def _persons_keys(directory: Path, now: datetime) -> tuple[KeyFiles, str]:
+    """Find and check a person's or a fleet car's folder; return its keys, and why they are not valid now, "" if so."""
     tls = _persons_files(directory)
     identity = _identity(tls, for_car=False)
-    if trouble := identity.trouble(now):
-        remedy = "set the clock" if now < identity.begins else f"on the car: wallride keys add {identity.name} --renew"
-        raise KeysError(f"{tls.certificate} {trouble}; {remedy}")
-    warning = identity.warning(now)
-    said = f"your certificate {warning}; on the car: wallride keys add {identity.name} --renew"
-    return KeyFiles(tls, identity, (said,) if warning else ())
+    renew = f"where it was made: wallride keys add {identity.name} --renew"
+    warnings = (f"{tls.certificate} {warning}; {renew}",) if (warning := identity.warning(now)) else ()
+    trouble = identity.trouble(now)
+    remedy = "set the clock" if now < identity.begins else renew
+    return KeyFiles(tls, identity, warnings), f"{tls.certificate} {trouble}; {remedy}" if trouble else ""
 
 
 def _persons_files(directory: Path) -> Tls:

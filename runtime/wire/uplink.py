@@ -15,6 +15,7 @@ from wallride.runtime.ending import end
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.car_bus import CarBus
 from wallride.runtime.wire.network import JSON, MAX_SAMPLE_BYTES, Receive, Reply
+from wallride.runtime.wire.tls_diagnosis import why_unopened
 
 log = logging.getLogger("wallride.uplink")
 
@@ -66,7 +67,10 @@ class Uplink:
                 await bus.open()
                 await self._attend(bus)
             except OSError as error:
-                self.problem = str(error)
+                problem = await asyncio.to_thread(why_unopened, self._config, error)
+                if problem != self.problem:
+                    log.warning("nothing goes to a router: %s", problem)
+                self.problem = problem
                 await asyncio.sleep(RETRY_S)
             finally:
                 self._bus = None

@@ -5,6 +5,7 @@ import json
 import pytest
 
 from tests.typed import typed
+from wallride.clients.keys import command
 
 
 @pytest.fixture
@@ -85,3 +86,30 @@ def test_a_person_is_revoked_beside_a_certificate_that_cannot_be_read(wallride, 
     wallride("keys add ann --role operator")
     (tmp_path / "keys" / "car.pem").write_text("junk")
     assert wallride("keys revoke ann --car car7")[1].startswith("ann may do nothing on car7")
+
+
+def test_a_renewed_certificate_keeps_its_names_and_a_renewed_person_the_role(wallride):
+    wallride("keys init --car car7 --san 10.0.0.7")
+    assert "10.0.0.7" in wallride("keys init --car car7 --renew")[1]
+    assert "10.0.0.7" in wallride("keys list")[1]
+    wallride("keys add alice --role operator")
+    assert "alice is an operator" in wallride("keys add alice --renew --out again")[1]
+    assert "name a role" in wallride("keys add bob --renew")[2]
+
+
+def test_a_router_goes_by_the_names_in_its_certificate(wallride):
+    assert "10.0.0.9" in wallride("keys router track --san 10.0.0.9")[1]
+    assert "10.0.0.9" in wallride("keys router track")[1]
+    code, _, err = wallride("keys router track --san 10.0.0.8")
+    assert code == 2
+    assert "without 10.0.0.8; --renew makes it anew" in err
+    out = wallride("keys router track --san 10.0.0.8 --renew --days 9")[1]
+    assert "10.0.0.9, 10.0.0.8" in out
+    assert "the router's certificate expires" in out
+
+
+def test_keys_are_not_made_by_a_clock_that_was_never_set(wallride, monkeypatch):
+    monkeypatch.setattr(command, "FIRST_S", 2**40)
+    code, _, err = wallride("keys init --car car7")
+    assert code == 2
+    assert "set the clock" in err

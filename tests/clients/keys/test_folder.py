@@ -239,6 +239,19 @@ def test_a_car_has_keys_under_every_name_that_its_settings_take(tmp_path):
         fleet.add(Person("a" * 25, Role.PLANNER), tmp_path / "more", NOW, 30, renew=False)
 
 
+@pytest.mark.parametrize("days", [-400, 400])
+def test_a_car_of_a_fleet_starts_whatever_the_time_is_and_says_what_is_wrong(tmp_path, days):
+    fleet = KeyFolder(tmp_path / "fleet")
+    fleet.make_router("track", (), NOW, 90, renew=False)
+    fleet.add(Person("car1", Role.CAR), tmp_path / "car1-keys", NOW, 90, renew=False)
+    later = NOW + timedelta(days=days)
+    configs, warnings = uplink_sessions([ROUTER], tmp_path / "car1-keys", "car1", later, (), Role.OPERATOR)
+    assert len(configs) == 1
+    assert warnings[0].startswith("nothing goes to a router: ")
+    with pytest.raises(KeysError):
+        client_keys(tmp_path / "car1-keys", later)
+
+
 def test_init_neither_overwrites_nor_guesses(folder):
     authority = (folder.path / "ca.pem").read_bytes()
     with pytest.raises(KeysError, match=r"has keys already; --renew"):

@@ -5,6 +5,9 @@ Only after zenoh failed, only with the standard library, and nothing is sent bey
 
 import socket
 import ssl
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 from wallride.runtime.wire.endpoints import split_endpoint
 from wallride.runtime.wire.zenoh_config import Tls
@@ -19,6 +22,15 @@ _ALERTS = {
     "UNSUPPORTED_CERTIFICATE": "yours is not a person's certificate; use a folder from `wallride keys add NAME`",
     "CERTIFICATE_REQUIRED": "it wants a certificate; name your folder with --keys",
 }
+
+
+def why_unopened(config: Mapping[str, Any], error: OSError) -> str:
+    """Return why a session with this configuration did not open, as `why_refused` does; without keys zenoh's error."""
+    tls = config["transport"]["link"].get("tls", {})
+    names = "root_ca_certificate", "connect_certificate", "connect_private_key"
+    if any(name not in tls for name in names):
+        return str(error)
+    return why_refused(str(config["connect"]["endpoints"][0]), Tls(*(Path(tls[name]) for name in names)))
 
 
 def why_refused(endpoint: str, tls: Tls, *, timeout_s: float = 2.0) -> str:
@@ -72,7 +84,10 @@ def _after_handshake(endpoint: str, guarded: ssl.SSLSocket) -> str:
 def _about_the_car(endpoint: str, error: ssl.SSLCertVerificationError) -> str:
     code = error.verify_code
     if code == _EXPIRED:
-        return f"{endpoint}: the car's certificate has expired; on the car: sudo wallride keys init --renew"
+        return (
+            f"{endpoint}: the car's certificate has expired; on the car: sudo wallride keys init --renew (a router's,"
+            " where the fleet's keys are: wallride keys router NAME --renew, then copy its folder)"
+        )
     if code == _NOT_YET_VALID:
         return f"{endpoint}: the car's certificate is not valid yet; is the clock of this computer right?"
     if code in {_WRONG_NAME, _WRONG_ADDRESS}:
