@@ -1,6 +1,5 @@
 """Settings of a lidar that is looked for at the start."""
 
-import math
 from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
@@ -22,7 +21,7 @@ class AutoLidarSettings(ConnectedLidarSettings):
         Field(description="Where to look; empty: at every serial port but the motor's, and for a Hokuyo at its own."),
     ] = ""
     yaw_rad: Annotated[
-        float, Field(ge=-math.pi, le=math.pi, description="Direction of the sensor's zero, left of straight ahead.")
+        float, Field(ge=-3.15, le=3.15, description="Direction of the sensor's zero, left of straight ahead.")
     ] = 0.0
     degraded_after_s: Annotated[
         float,

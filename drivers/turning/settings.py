@@ -1,6 +1,5 @@
 """Settings that every lidar of a full circle has."""
 
-import math
 from typing import Annotated
 
 from pydantic import Field
@@ -15,7 +14,7 @@ class TurningSettings(ConnectedLidarSettings):
         "serial:///dev/wallride-lidar"
     )
     yaw_rad: Annotated[
-        float, Field(ge=-math.pi, le=math.pi, description="Direction of the sensor's zero, left of straight ahead.")
+        float, Field(ge=-3.15, le=3.15, description="Direction of the sensor's zero, left of straight ahead.")
     ] = 0.0
     degraded_after_s: Annotated[
         float, Field(gt=0, le=2, description="Time without a scan after which the lidar is not ready.")

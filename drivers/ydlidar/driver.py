@@ -68,7 +68,7 @@ class YdlidarKind:
             raise ProtocolError(
                 f"{talk.link.address}: its identity has {len(reply.payload)} bytes, not 20 (a YDLIDAR?)"
             )
-        self._model = self._named or self._told_model(talk, info)
+        self._model = self._named_model(talk, info)
         if await self._is_broken(talk, count):
             await self._reset(talk, count)
         major, minor = info.firmware
@@ -95,12 +95,21 @@ class YdlidarKind:
         talk.link.set_data_terminal_ready(False)
         await asyncio.sleep(STOP_S)
 
-    def _told_model(self, talk: LidarTalk, info: SensorInfo) -> Model:
-        if info.model not in CODES:
+    def _named_model(self, talk: LidarTalk, info: SensorInfo) -> Model:
+        """Return the model that the settings name, of which the sensor must not deny to be, else the one it says."""
+        told = CODES.get(info.model)
+        if self._named is not None:
+            if told is not None and MODELS[told] != self._named:
+                raise ProtocolError(
+                    f"{talk.link.address}: a YDLIDAR {MODELS[told].name}, and lidar.model names a {self._named.name},"
+                    " whose distances count otherwise"
+                )
+            return self._named
+        if told is None:
             raise ProtocolError(
                 f"{talk.link.address}: a YDLIDAR of the unknown model {info.model} (name one like it in lidar.model)"
             )
-        return MODELS[CODES[info.model]]
+        return MODELS[told]
 
     async def _overhear(self, talk: LidarTalk, count: Callable[[str], None]) -> str:
         """Return the identity of a sensor that never answers, once its packets come."""

@@ -47,7 +47,7 @@ class LidarSettings(Section):
 
     mount_x_m: Annotated[float, Field(ge=-1, le=1)] = 0.27
     mount_y_m: Annotated[float, Field(ge=-1, le=1)] = 0.0
-    mount_yaw_rad: Annotated[float, Field(ge=-0.6, le=0.6)] = 0.0
+    mount_yaw_rad: Annotated[float, Field(ge=-3.15, le=3.15)] = 0.0
     beams: Annotated[int, Field(ge=2, le=10_000)] = 1081
     first_deg: Annotated[float, Field(ge=-180, lt=180)] = -135.0
     last_deg: Annotated[float, Field(gt=-180, le=180)] = 135.0

@@ -21,6 +21,8 @@ COVERED_M: Final = 0.15
 COVERED_SHARE: Final = 0.5
 _POLL_S: Final = 0.02
 
+_ANOTHER: Final = "another lidar, or ?baud= in lidar.address? `--set lidar.driver=auto` finds it"
+
 REMEDIES: Final = (
     ("two lidars answer", "name the address of the one that the car drives with in lidar.address"),
     ("no lidar found", "plug it in and power it (5 V, 1 A when its motor starts); or name it in lidar.driver"),
@@ -29,8 +31,9 @@ REMEDIES: Final = (
     ("only zero bytes", "use a USB hub with a supply, and a short cable; then another adapter"),
     ("packets of a YDLIDAR", 'set lidar.driver = "ydlidar"; of an X2 or X4 Pro also lidar.model'),
     ("as a Hokuyo sends it", 'set lidar.driver = "hokuyo"'),
-    ("nothing came", "check its supply (5 V, 1 A when its motor starts) and cable; take ?baud= out of lidar.address"),
-    ("stray bytes", "check its supply (5 V, 1 A when its motor starts); take ?baud= out of lidar.address"),
+    ("lidar.model names", "take lidar.model out of the settings, or name the model that it is"),
+    ("nothing came", f"check its supply (5 V, 1 A when its motor starts) and cable; {_ANOTHER}"),
+    ("stray bytes", f"check its supply (5 V, 1 A when its motor starts); {_ANOTHER}"),
     ("other bytes came", "look what is on this port; unplug the device for a moment and try again"),
     ("something else came", "end the other program that uses this port, and unplug the device for a moment"),
     ("no scan packet", "name its model in lidar.model, check its supply: these models never answer"),
@@ -43,7 +46,7 @@ REMEDIES: Final = (
     ("reset", "end the other program that is connected, or switch the sensor off and on"),
     ("no route", "give this computer an address in the sensor's network: see `lidar network`"),
     ("network unreachable", "give this computer an address in the sensor's network: see `lidar network`"),
-    ("no answer", "check its power (10 to 30 V), its cable, and lidar.address"),
+    ("no answer", f"check its power (by its manual), its cable, and lidar.address; {_ANOTHER}"),
     ("scans come", "look for what is slow between the sensor and this computer: a switch, Wi-Fi, a busy processor"),
     ("another program", "end the program that holds the port"),
     ("permission", "sudo usermod -aG dialout USER, then log out and in again"),
@@ -80,7 +83,7 @@ async def look_at_lidar(settings: AnyLidarSettings, *, patience_s: float = PATIE
             await asyncio.sleep(_POLL_S)
     finally:
         report.health = Health(**{name: getattr(driver.health, name) for name in Health.__slots__})
-        if report.health.link is LinkState.STARTING and not report.scans:
+        if report.health.link is LinkState.STARTING:
             report.health.message = trouble or report.health.message  # it is being tried again
         for error in await end(running):
             raise error
@@ -101,7 +104,8 @@ def judge_lidar(report: LidarReport) -> list[Finding]:
     if not report.scans:
         return [fail("lidar", health.message, remedy_of(health.message))]
     if health.link is not LinkState.READY:
-        return [warn("lidar", health.message, remedy_of(health.message))]
+        judge = warn if len(report.scans) >= WANTED_SCANS else fail
+        return [judge("lidar", health.message, remedy_of(health.message))]
     words = "; ".join(dict.fromkeys(filter(None, (health.identity, health.message))))
     found = [ok("lidar", words)]
     if "says of itself" in health.message:

@@ -247,3 +247,9 @@ async def test_a_covered_sensor_sees_nothing(plugged, name):
     rig.emulator.covered_mm = 40
     await rig.more_scans(2)
     assert np.isnan((await rig.more_scans(1))[0].ranges_m).all()
+
+
+async def test_a_sensor_that_says_it_is_another_model_than_the_named_one_is_refused(plugged):
+    rig: Rig = await plugged(sensor("g6"), model="tg")
+    await rig.until(lambda: "a YDLIDAR G6, and lidar.model names a TG" in rig.health.message)
+    assert not rig.scans

@@ -12,8 +12,9 @@ from tests.drivers.turning.rig import room_mm
 from tests.wallride.doctor.fakes import changed, healthy, link, settings
 from wallride.doctor.examine import examine
 from wallride.doctor.findings import Finding, Level
-from wallride.doctor.lidar import judge_lidar, look_at_lidar, remedy_of
+from wallride.doctor.lidar import LidarReport, judge_lidar, look_at_lidar, remedy_of
 from wallride.doctor.ports import check_ports
+from wallride.drivers.api import Health, LinkState
 from wallride.drivers.rplidar.settings import RplidarSettings
 from wallride.drivers.turning.conversation import describe
 from wallride.drivers.ydlidar.settings import YdlidarSettings
@@ -152,3 +153,10 @@ async def looked_at(emulator: TurningEmulator, path: Path, root: Path, chosen: S
     link(computer.root, str(path).lstrip("/"), "/dev/zero")
     async with turning(emulator, path):
         return {one.subject: one async for one in examine(computer, chosen, ("lidar",))}
+
+
+def test_a_lidar_that_fails_after_a_few_scans_is_a_failure():
+    report = LidarReport(Health(LinkState.STARTING, "no whole turn for 0.5 s"))
+    report.scans = [None] * 3  # type: ignore[list-item] # only their number counts
+    (found,) = judge_lidar(report)
+    assert (found.level, found.words) == (Level.FAIL, "no whole turn for 0.5 s")
