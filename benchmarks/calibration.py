@@ -87,7 +87,7 @@ def calibrated(seed: int, vehicle: VehicleSettings = SLOW) -> tuple[list[float],
         100 * (braking.value / (0.8 * 9.81) - 1),
     ]  # fmt: skip
     print(f"seed {seed:2} {PARTS[seed % len(PARTS)]:6}", " ".join(f"{value:+6.2f}" for value in row), flush=True)
-    new = [*of_arcs(fit, CONFIGURED, ruler=False), *of_delays(servo, motor, CONFIGURED)]
+    new = [*of_arcs(fit, CONFIGURED, ruler=False), *of_delays(servo, motor, CONFIGURED, 0.025)]
     return row, {**CONFIGURED, **{one.name: one.new for one in new if one.new is not None}}
 
 

@@ -2,10 +2,8 @@
 
 import math
 import time
-from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from statistics import median
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -21,14 +19,11 @@ from wallride.runtime.wire import topics
 
 MAX_SPEED_MPS, MAX_STEERING_RAD = 1.5, 0.4
 READ = (topics.SCAN, topics.MOTOR, topics.OUTPUT, topics.STATUS)
-DEFAULT_SCAN_TIME_S = 0.025
 MAX_LATE_S = 0.4
 SETTLES_S = 0.5
 MAX_STALLS = 12
 TELL_EVERY_S = 10.0
 GONE = "{}: see to its cable and power, then drive again"
-TURNS = 99
-"""Scan times whose median is the sensor's: a lost or late scan makes a single one too long."""
 
 
 class LetGoError(CalibrationError):
@@ -68,7 +63,6 @@ class RemoteLink:
         self._samples = iter(car.topics(*READ))
         self._asked: tuple[float, float] | None = None
         self._stalls = 0
-        self._turns_s: deque[float] = deque(maxlen=TURNS)
         self._lost = ""
         self._began_s = self._told_s = math.inf
         self._settled_s = -math.inf
@@ -176,10 +170,7 @@ class RemoteLink:
             case ScanSample():
                 seen = self.seen
                 seen.kind = sample.angle_min_rad, sample.angle_step_rad, sample.ranges_m.size
-                if sample.scan_time_s > 0:
-                    self._turns_s.append(sample.scan_time_s)
-                turn_s = median(self._turns_s) if self._turns_s else DEFAULT_SCAN_TIME_S
-                seen.sweep_s = turn_s * abs(sample.angle_step_rad) * (sample.ranges_m.size - 1) / math.tau
+                seen.sweep_s = abs(sample.ray_s) * (sample.ranges_m.size - 1)
                 seen.scans.append((sample.stamp_s, sample.ranges_m))
                 self._now_s = sample.stamp_s
                 return True

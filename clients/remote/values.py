@@ -23,7 +23,8 @@ Floats = npt.NDArray[np.float32] | npt.NDArray[np.float64]
 class ScanSample:
     """`scan`, frame laser. ranges_m: (n,), NaN without a return; beam i is at angle_min_rad + i * angle_step_rad.
 
-    scan_time_s: of a revolution.
+    stamp_s: end of the sweep. scan_time_s: of a revolution. ray_s: time from one beam to the next, negative where they
+    run against the sensor's turn, 0 where all are as seen at stamp_s.
     """
 
     stamp_s: float
@@ -33,6 +34,7 @@ class ScanSample:
     range_max_m: float
     ranges_m: Floats
     scan_time_s: float = 0.0
+    ray_s: float = 0.0
 
     @property
     def angles_rad(self) -> Floats:
@@ -197,7 +199,7 @@ def value_of(topic: str, payload: bytes, taken_s: float) -> Value:
 def _scan(message: Any, _taken_s: float) -> ScanSample:  # noqa: ANN401 - rosbags' own classes, here and below
     return ScanSample(
         _stamp_s(message), message.angle_min, message.angle_increment, message.range_min, message.range_max,
-        message.ranges, message.scan_time,
+        message.ranges, message.scan_time, message.time_increment,
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from wallride.runtime.calibration.responses import (
     fit_response,
     unidentified,
 )
-from wallride.runtime.calibration.scan_motion import motion_of_scans
+from wallride.runtime.calibration.scan_motion import follow_each_other, motion_of_scans
 from wallride.runtime.calibration.stop_match import MAX_RANGE_M
 from wallride.runtime.calibration.trace import Trace
 from wallride.runtime.control.perception.geometry import Booleans, Floats
@@ -106,7 +106,7 @@ def _angles(trace: Trace, known: KnownMotion) -> Samples | None:
     with np.errstate(invalid="ignore", divide="ignore"):
         angle_rad: Floats = np.arctan(np.diff(motion.yaw_rad) / elapsed_s * known.wheelbase_m / speed_mps)
     good = (np.abs(speed_mps) >= MIN_SPEED_MPS) & (np.abs(angle_rad) < MAX_ANGLE_RAD)  # NaN is neither
-    good &= (elapsed_s > 0) & (elapsed_s < MAX_GAP_S)
+    good &= follow_each_other(elapsed_s)
     if np.count_nonzero(good) < 2:
         return None
     weight = speed_mps[good] ** 2

@@ -1,5 +1,6 @@
 """Settings from estimates: the new value of each setting that is measured, beside the one in effect."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -16,7 +17,6 @@ NEUTRAL, FORWARD, REVERSE = "motor.neutral_us", "motor.forward_us", "motor.rever
 THROTTLE, BRAKE_PULSE = "motor.throttle_us_per_mps", "motor.brake_us"
 LIDAR_X, LIDAR_Y, LIDAR_YAW = "car.lidar_x_m", "car.lidar_y_m", "lidar.yaw_rad"
 LATENCY, ACTUATION, GRIP = "wall_follow.latency_s", "safety.actuation_s", "safety.grip_mu"
-HALF_SCAN_S = 0.0125
 MOST_STEERING = "car.max_steering_rad"
 BUILD_UP_S = 0.03
 """Time in which the deceleration builds up after the delay: as in the default of safety.actuation_s."""
@@ -84,7 +84,7 @@ def of_arcs(fit: ArcFit, now: Mapping[str, float], *, ruler: bool) -> Iterator[P
         yield _proposal(LIDAR_Y, now, fit.lidar_y_m, lambda m: m, 3)
     else:
         yield Proposal(LIDAR_Y, now[LIDAR_Y], None, NO_LIDAR_Y)
-    yield _proposal(LIDAR_YAW, now, fit.lidar_yaw_rad, lambda rad: now[LIDAR_YAW] + rad, 4)
+    yield _proposal(LIDAR_YAW, now, fit.lidar_yaw_rad, lambda rad: math.remainder(now[LIDAR_YAW] + rad, math.tau), 4)
 
 
 def of_throttle(fit: ThrottleFit, now: Mapping[str, float]) -> Iterator[Proposal]:
@@ -110,9 +110,9 @@ def of_lock(commanded_rad: float, driven_rad: float, now: Mapping[str, float]) -
     return Proposal(end, now[end], float(round(pulse_us)), f"the wheels turn no further than {driven_rad:.2f} rad")
 
 
-def of_delays(servo: DelayFit, motor: DelayFit, now: Mapping[str, float]) -> Iterator[Proposal]:
-    """Yield the follower's latency and safety's."""
-    yield _proposal(LATENCY, now, servo.delay_s, lambda delay_s: delay_s + HALF_SCAN_S, 3)
+def of_delays(servo: DelayFit, motor: DelayFit, now: Mapping[str, float], scan_period_s: float) -> Iterator[Proposal]:
+    """Yield the follower's latency, with half of the time between two scans, and safety's."""
+    yield _proposal(LATENCY, now, servo.delay_s, lambda delay_s: delay_s + scan_period_s / 2, 3)
     yield _proposal(ACTUATION, now, motor.delay_s, lambda delay_s: delay_s + BUILD_UP_S, 3)
 
 

@@ -19,6 +19,8 @@ from wallride.runtime.control.perception.geometry import Booleans, Floats, direc
 KEY_EVERY_M, KEY_EVERY_RAD = 0.2, 0.15
 HOLE_S = 0.5
 """Maximum gap between scans; after a longer one the car's place is unknown and a new chain begins."""
+GAP_S, GAP_PERIODS = 0.15, 2.5
+"""Gaps over which a turn is not told, in a fast lidar's time and in periods of a slow one."""
 MIN_RANGE_M = 0.2
 """Minimum range; nearer returns are the car itself."""
 NORMAL_BEAMS = 3
@@ -125,6 +127,11 @@ def motion_of_scans(
     for stamp_s, ranges_m in zip(stamps_s, sent_m, strict=True):
         chain.take(float(stamp_s), ranges_m)
     return _with_speeds(np.array(chain.poses), stamps_s)
+
+
+def follow_each_other(elapsed_s: Floats) -> Booleans:
+    """Return which of the times between scans lack at most a few of them, (n,)."""
+    return (elapsed_s > 0.0) & (elapsed_s < max(GAP_S, GAP_PERIODS * float(np.median(elapsed_s))))
 
 
 def _after(at: Shift, moved: Shift) -> Shift:

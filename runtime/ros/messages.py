@@ -63,13 +63,14 @@ def split_time(stamp_ns: int) -> tuple[int, int]:
 def laser_scan(stamp_ns: int, scan: Scan, scan_time_s: float) -> bytes:
     """Return sensor_msgs/LaserScan; NaN where a beam has no distance, no intensities.
 
-    All beams carry the time of the sweep's last byte (time_increment 0), by which the laws and the replay count.
+    The stamp is the time of the sweep's last byte, by which the laws and the replay count, and time_increment the
+    scan's `ray_s`.
     """
     beams = scan.ranges_m.shape[0]
     last_rad = scan.angle_min_rad + scan.angle_step_rad * (beams - 1)
     head = _SCAN.fill(
         *split_time(stamp_ns), scan.angle_min_rad, last_rad, scan.angle_step_rad,
-        0.0, scan_time_s, scan.range_min_m, scan.range_max_m, beams,
+        scan.ray_s, scan_time_s, scan.range_min_m, scan.range_max_m, beams,
     )  # fmt: skip
     return head + np.ascontiguousarray(scan.ranges_m, "<f4").tobytes() + NO_NUMBERS
 

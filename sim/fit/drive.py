@@ -7,6 +7,7 @@ from typing import TypeVar
 import numpy as np
 
 from wallride.runtime.calibration.responses import CommandSteps
+from wallride.runtime.calibration.scan_motion import follow_each_other
 from wallride.sim.recordings import CommandTrack, OdometryTrack, Recording
 from wallride.sim.recordings.scans import motion_of
 from wallride.sim.world.pose import Floats
@@ -66,7 +67,7 @@ def intervals(recording: Recording) -> Intervals:
     at_s = scan_times_s(recording)
     motion = motion_of(replace(recording, stamp_s=at_s))
     elapsed_s = np.diff(at_s)
-    good = (elapsed_s > 0.0) & (elapsed_s < MAX_GAP_S)
+    good = follow_each_other(elapsed_s)
     with np.errstate(invalid="ignore", divide="ignore"):
         middle_rad = (motion.yaw_rad[1:] + motion.yaw_rad[:-1]) / 2
         forward_m = np.cos(middle_rad) * np.diff(motion.x_m) + np.sin(middle_rad) * np.diff(motion.y_m)

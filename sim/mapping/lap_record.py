@@ -1,6 +1,5 @@
 """What mapping needs of a recorded drive: scans, reports of the wheels, rates of the gyro, on one clock."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -71,11 +70,10 @@ def record_of_recording(recording: Recording) -> LapRecord:
     """Return the drive of another program's recording: its scans alone, since nothing tells what its wheels mean."""
     ranges_m = np.array(recording.ranges_m)
     ranges_m[~((ranges_m >= recording.range_min_m) & (ranges_m <= recording.range_max_m))] = np.nan
-    ray_s = recording.scan_time_s * abs(recording.angle_step_rad) / math.tau
     kind = (recording.angle_min_rad, recording.angle_step_rad, recording.beams)
     last_s = scan_times_s(recording) + recording.sweep_s / 2
     order = np.flatnonzero(np.diff(np.maximum.accumulate(last_s), prepend=-np.inf) > 0.0)
-    return LapRecord(recording.name, kind, ray_s, last_s[order], ranges_m[order])
+    return LapRecord(recording.name, kind, recording.ray_s, last_s[order], ranges_m[order])
 
 
 def record_of_log(log: DriveLog) -> LapRecord:
@@ -85,7 +83,6 @@ def record_of_log(log: DriveLog) -> LapRecord:
     taken = [event for event in events if isinstance(event, ScanEvent) and event.sequence in decoded]
     if len(taken) < 2:
         raise RecordingError(f"{log.name} holds {len(taken)} scans: a map needs a drive.")
-    first = decode(decoded[taken[0].sequence])
     kind = (taken[0].angle_min_rad, taken[0].angle_step_rad, taken[0].beams)
     taken = [event for event in taken if event.beams == kind[2]]
     ranges_m = np.array([decode(decoded[event.sequence]).ranges for event in taken], dtype=np.float32)
@@ -94,8 +91,8 @@ def record_of_log(log: DriveLog) -> LapRecord:
     settings = settings_of(log, laws=False)
     car = settings.car
     return LapRecord(
-        log.name, kind, float(first.scan_time) * abs(kind[1]) / math.tau, np.array([event.stamp_s for event in taken]),
-        ranges_m, reports_of(_states(events)), np.array(rates).reshape(-1, 2), car.lidar_m, car.wheelbase_m,
+        log.name, kind, taken[0].ray_s, np.array([event.stamp_s for event in taken]), ranges_m,
+        reports_of(_states(events)), np.array(rates).reshape(-1, 2), car.lidar_m, car.wheelbase_m,
         settings.recording.world, ahead_s,
     )  # fmt: skip
 
@@ -104,10 +101,10 @@ def record_of_scans(name: str, scans: Sequence[Scan], states: Sequence[MotorStat
     """Return the drive of scans and motor states as drivers deliver them, such as those of a simulated car."""
     first = scans[0]
     kind = (first.angle_min_rad, first.angle_step_rad, first.ranges_m.size)
-    ray_s = first.ray_s or abs(kind[1]) / math.tau * float(np.median(np.diff([scan.stamp_s for scan in scans])))
     return LapRecord(
-        name, kind, ray_s, np.array([scan.stamp_s for scan in scans]), np.array([scan.ranges_m for scan in scans]),
-        reports_of(states), lidar_m=car.lidar_m, wheelbase_m=car.wheelbase_m,
+        name, kind, first.ray_s, np.array([scan.stamp_s for scan in scans]),
+        np.array([scan.ranges_m for scan in scans]), reports_of(states),
+        lidar_m=car.lidar_m, wheelbase_m=car.wheelbase_m,
     )  # fmt: skip
 
 

@@ -83,6 +83,8 @@ class Collector:
         for topic, scans in self.scans_by_topic.items():
             lidar, note = _lidar(topic, scans)
             if self.is_ours:  # its stamp is the last beam's, ROS's the first one's
+                turn_s = abs(scans[0][1].time_increment * math.tau / lidar.angle_step_rad)
+                lidar = replace(lidar, scan_time_s=turn_s)
                 lidar = replace(lidar, stamp_s=lidar.stamp_s - lidar.sweep_s)
             tracks.lidars[plain_name(topic)] = lidar
             tracks.notes.extend(note)
@@ -112,7 +114,7 @@ def _lidar(topic: str, scans: list[tuple[int, Any]]) -> tuple[LidarTrack, list[s
         angle_step_rad=float(first.angle_increment),
         range_min_m=float(first.range_min),
         range_max_m=float(first.range_max),
-        scan_time_s=float(np.median([message.scan_time for _, message in same])),
+        scan_time_s=float(first.scan_time),
     )
     return track, notes
 

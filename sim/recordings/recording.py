@@ -99,7 +99,12 @@ class LidarTrack:
     @property
     def sweep_s(self) -> float:
         """Return the time from the first beam to the last."""
-        return self.scan_time_s * abs(self.angle_step_rad) * (self.beams - 1) / math.tau
+        return self.ray_s * (self.beams - 1)
+
+    @property
+    def ray_s(self) -> float:
+        """Return the time from one beam to the next, of a sensor that turns evenly."""
+        return self.scan_time_s * abs(self.angle_step_rad) / math.tau
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +115,8 @@ class Recording(LidarTrack):
     stamp_s: shape (n,), of the first beams, on the same zero. They may jump: clocks differ between publishers.
     ranges_m: shape (n, beams), float32, untouched: 65.533, 0, inf and NaN all occur for "no return".
     angle_min_rad, angle_step_rad: beam k points to angle_min + k * step, counter-clockwise, 0 = ahead; see `fan`.
-    range_min_m, range_max_m, scan_time_s: as the driver declared them; recorded ranges may exceed them.
+    range_min_m, range_max_m: as the driver declared them; recorded ranges may exceed them.
+    scan_time_s: of a turn, as the driver declared it; 0 where all beams are as seen at stamp_s.
     topic: the lidar's topic as recorded; other_topics: further lidars of the file, selectable by name.
     commands: by topic, written without slashes (`plain_name`).
     notes: sentences for the user about what was chosen, left out or lost.

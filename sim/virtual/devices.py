@@ -20,6 +20,7 @@ class MemoryLidar:
 
     late_s: how long a scan waits in a buffer before it is delivered; its stamp stays that of the measurement.
     frozen: repeats a scan bit for bit. A measuring sensor never does: the same ranges vary by half a millimetre.
+    ray_s: as in its scans.
     """
 
     def __init__(
@@ -30,6 +31,7 @@ class MemoryLidar:
         self._period_s = 1 / rate_hz
         self.late_s = 0.0
         self.frozen = False
+        self.ray_s = 0.0
         self._health = Health(LinkState.READY, "in memory", "twin")
 
     @property
@@ -54,7 +56,8 @@ class MemoryLidar:
                     given_m = ranges_m
                 last_m = ranges_m
                 stamp_s = now_s - self.late_s
-                on_scan(Scan(stamp_s, now_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, ranges_m, sequence))
+                first_rad = -STEP_RAD * (BEAMS // 2)
+                on_scan(Scan(stamp_s, now_s, first_rad, STEP_RAD, 0.02, 30.0, ranges_m, sequence, self.ray_s))
             sequence += 1
 
 

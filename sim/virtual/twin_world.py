@@ -101,6 +101,7 @@ class WorldLidar(MemoryLidar):
 
     def __init__(self, twin: TwinWorld, clock: Clock) -> None:
         super().__init__(self._seen, clock, twin.lidar_settings.rate_hz)
+        self.ray_s = twin.lidar_settings.ray_s
         self._twin = twin
         self._plugged = True
 

@@ -58,7 +58,7 @@ def test_the_lidar_turns_from_where_it_was():
 
 def test_delays_become_latency_and_actuation():
     servo, motor = DelayFit(sure(0.06), sure(3.0)), DelayFit(unidentified("it stood"), sure(3.0))
-    found = {one.name: one for one in proposals.of_delays(servo, motor, NOW)}
+    found = {one.name: one for one in proposals.of_delays(servo, motor, NOW, 0.025)}
     assert found[proposals.LATENCY].new == pytest.approx(0.072, abs=0.0006)
     assert found[proposals.ACTUATION].new is None
     assert "it stood" in found[proposals.ACTUATION].words

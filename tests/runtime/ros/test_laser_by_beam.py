@@ -44,7 +44,7 @@ def test_what_came_back_is_told_to_ros_and_to_nobody_else():
     np.testing.assert_array_equal(told.ranges, np.array([np.nan, -np.inf, 1.0, np.inf], np.float32))
     own, own_ns = read(messages.laser_scan(STAMP_NS, scan, 0.025))
     np.testing.assert_array_equal(own.ranges, np.array([np.nan, np.nan, 1.0, np.nan], np.float32))
-    assert (own_ns, own.time_increment) == (STAMP_NS, 0.0)
+    assert (own_ns, own.time_increment) == (STAMP_NS, pytest.approx(RAY_S))
 
 
 def test_a_driver_that_cannot_tell_leaves_nan_and_one_time_for_all_beams():

@@ -8,10 +8,12 @@ import pytest
 from wallride.runtime.control.perception.geometry import bearings_rad, directions
 from wallride.sim.mapping.closing import close_lap
 from wallride.sim.mapping.keyframes import in_one_moment, keyframes, trusted_ranges_m
-from wallride.sim.mapping.lap_record import LapRecord
+from wallride.sim.mapping.lap_record import LapRecord, record_of_log
 from wallride.sim.mapping.matching import Matcher
 from wallride.sim.mapping.odometry_path import LearntCar, LidarPath, gyro_bias_radps, odometry_path
 from wallride.sim.mapping.pose_graph import Origin, between
+from wallride.sim.replay.drive_log import read_log
+from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.worlds import load_world
 
 KIND = (math.radians(-135.0), math.radians(0.25), 1081)
@@ -117,3 +119,7 @@ def test_a_car_slides_on_while_a_full_brake_locks_its_wheels():
     path = odometry_path(LapRecord("brake", KIND, 0.0, time_s, np.zeros((0, 1), np.float32), reports), LearntCar())
     ends_m = np.diff(path.at(np.array([0.4, 0.6]))[:, 0])
     assert ends_m == pytest.approx(0.7, abs=0.06)
+
+
+def test_the_sweep_of_a_recorded_scan_is_the_drivers(dead_end):
+    assert record_of_log(read_log(dead_end)).ray_s == pytest.approx(LidarSettings().ray_s)
