@@ -36,7 +36,7 @@ sudo sh install.sh [OPTION...]
   --keep N           versions to keep, 2 or more (default: 3)
   --wheelhouse DIR   take all packages from there; nothing is downloaded, nor taken from the distribution
   --python PROGRAM   use this Python, 3.11 or newer; or a FILE.tar.gz of python-build-standalone, which is unpacked here
-  --no-service       do not install the systemd service and the udev rules
+  --no-service       do not install the systemd service and the udev rules; a service that runs is restarted
   --no-compiler      do not install gcc; the same laws then run in Python, at half the speed
 TEXT
 }
@@ -219,9 +219,9 @@ rollback() {
     report
 }
 
-# After a start that failed: everything as it was before, the new version gone.
+# After a step or a start that failed: everything as it was before, the new version gone.
 go_back() {
-    trap - INT TERM
+    trap - EXIT INT TERM
     say "not ready: $WHY"
     show_log
     if [ -z "$was_in_use" ]; then
@@ -233,7 +233,7 @@ go_back() {
     if [ -n "$was_before" ]; then point "$was_before" "$VERSIONS/before"; else rm -f "$TOP$VERSIONS/before"; fi
     rm -rf "$TOP$target"
     renew_service
-    if start_service; then report; else say "it is not ready with the version before, either: $WHY"; fi
+    if [ -z "$again" ] || start_service; then report; else say "it is not ready with the version before, either: $WHY"; fi
     exit 3
 }
 
@@ -361,6 +361,7 @@ switch() {
         mv -T "$TOP$CURRENT" "$TOP$was_in_use"
         point "$was_in_use" "$CURRENT"
     fi
+    trap go_back EXIT INT TERM
     is_usable "$was_in_use" || was_in_use=''  # a link to a version that is gone: nothing to go back to
     [ -z "$was_in_use" ] || point "$was_in_use" "$VERSIONS/before"
     point "$target" "$CURRENT"
@@ -419,13 +420,12 @@ refuse_while_driving
 install_packages
 make_version
 is_to_run && again=yes || again=''
-WHY='it was interrupted'
+WHY='it was interrupted, or a step failed, as it says above'
 switch
-trap go_back INT TERM
 install_service || { WHY='its service could not be installed'; go_back; }
 NOW=''
 if [ -n "$again" ]; then start_service || go_back; fi
-trap - INT TERM
-prune
+trap - EXIT INT TERM
+prune || say 'not all old versions could be removed'
 report
 [ -n "$was_in_use" ] || say 'next: edit /etc/wallride/car.toml, then  wallride doctor'

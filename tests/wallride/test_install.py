@@ -151,6 +151,16 @@ def test_the_car_is_asked_where_its_settings_say_that_it_listens(settings, asked
     assert asked == [["status", "--json", *asked_at]] * 2, "before the work, and before the switch"
 
 
+def test_a_step_that_fails_in_the_switch_is_taken_back(place):
+    assert install(place, "--yes", "--no-service").returncode == 0
+    command = place / "root/usr/local/bin/wallride"
+    command.unlink()
+    command.mkdir()
+    failed = install(place, "--yes", "--no-service")
+    assert (failed.returncode, "going back to" in failed.stdout) == (3, True), failed.stderr
+    assert (in_use(place), versions(place)) == ("20261123-000001", ["20261123-000001"])
+
+
 def test_a_failed_update_changes_nothing(place):
     assert install(place, "--yes").returncode == 0
     failed = install(place, "--yes", BROKEN="1")

@@ -174,3 +174,9 @@ def test_what_an_account_tool_says_in_two_lines_is_one_sentence(tmp_path, monkey
     monkeypatch.setattr("wallride.service.parts.shutil.which", lambda *_, **__: str(tool))
     with pytest.raises(parts.ServiceError, match=r"^groupadd: no such file; cannot lock$"):
         parts._call(tmp_path, "groupadd")
+
+
+@pytest.mark.parametrize("prefix", ["/opt/my car", "/opt/50%", '/opt/a"b'])
+def test_a_prefix_that_systemd_reads_otherwise_is_refused(prefix):
+    with pytest.raises(parts.ServiceError, match="choose another folder"):
+        parts.visible(Path(prefix), installs=True)

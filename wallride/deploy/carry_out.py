@@ -129,12 +129,15 @@ def _copy(car: SshConnection, source: Path, plan: DeployPlan, facts: CarFacts, p
 def _install(car: SshConnection, identity: str, facts: CarFacts, plan: DeployPlan, password: str) -> int:
     """Let install.sh work; return 0 or NOT_READY. DeployError where it changed nothing, or the connection ended."""
     how = {"yes": "root", "sudo": "sudo", "password": "password"}[facts.root]
-    code = car.watch("install", identity, how, *plan.arguments, text=f"{password}\n")
+    try:
+        code = car.watch("install", identity, how, *plan.arguments, text=f"{password}\n")
+    except KeyboardInterrupt:
+        code = NOT_SSH
     if code in {0, NOT_READY}:
         return code
     if code == NOT_SSH:
         raise DeployError(
-            f"{car.host}: the connection was lost; the car goes on by itself and keeps a version that is ready."
+            f"{car.host}: the connection has ended; the car goes on by itself and keeps a version that is ready."
             " Look with  wallride deploy --dry-run  when it can be reached"
         )
     raise DeployError(f"{car.host}: the installation failed, as it says above; nothing was changed in use")

@@ -104,6 +104,7 @@ install() {
     exec 3<&0  # a background command would read /dev/null; the first line is sudo's password
     setsid sh -c 'head -n 1 | { "$@" >log 2>&1; echo $? >code; }' install.sh "$@" <&3 >/dev/null 2>&1 &
     tail -n +1 -s 0.2 -f --pid=$! log
+    wait "$!" || true  # without a reader tail ends first, and the installation needs its folder
     code=$(cat code 2>/dev/null || echo 1)
     cd / && rm -rf "${FOLDER:?}/$id"
     exit "$code"

@@ -32,7 +32,9 @@ def add(commands: Commands) -> None:
         action="store_true",
         help="start the service also where it was stopped (the first time it is started)",
     )
-    parser.add_argument("--no-service", action="store_true", help="leave the service alone")
+    parser.add_argument(
+        "--no-service", action="store_true", help="do not install the service; one that runs is restarted"
+    )
     parser.add_argument(
         "--keep", type=_kept, default=3, metavar="N", help="versions that stay on the car, 2 or more (default: 3)"
     )

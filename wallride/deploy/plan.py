@@ -71,7 +71,7 @@ def make_plan(facts: CarFacts, wishes: Wishes, here: CarPlatform | None = None) 
         python,
         platform,
         ["--yes", "--wheelhouse", "wheelhouse", "--python", place_of(brings) if brings else python.path,
-         "--keep", str(wishes.keep), *_flags(force=wishes.force, start=starts, no_service=wishes.no_service)],
+         "--keep", str(wishes.keep), *_flags(wishes, starts=starts)],
         [
             f"the car: {platform.words}, Python {python.words}{', which comes along' if brings else ''}",
             f"in use there: {_version_words(facts, facts.in_use) or 'nothing yet'}",
@@ -157,13 +157,11 @@ def _rollback_plan(facts: CarFacts, wishes: Wishes) -> DeployPlan:
         f"point /opt/wallride to the version before: {_version_words(facts, facts.before)}",
         _service_line(facts, starts=wishes.start, wanted=True).partition(";")[0],
     ]
-    return DeployPlan(
-        None, None, ["--rollback", *_flags(force=wishes.force, start=wishes.start, no_service=False)], lines, []
-    )
+    return DeployPlan(None, None, ["--rollback", *_flags(wishes, starts=wishes.start)], lines, [])
 
 
-def _flags(*, force: bool, start: bool, no_service: bool) -> list[str]:
-    wanted = {"--force": force, "--start": start, "--no-service": no_service}
+def _flags(wishes: Wishes, *, starts: bool) -> list[str]:
+    wanted = {"--force": wishes.force, "--start": starts, "--no-service": wishes.no_service}
     return [name for name, is_wanted in wanted.items() if is_wanted]
 
 

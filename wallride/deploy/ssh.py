@@ -61,7 +61,7 @@ class SshConnection:
     """
 
     def __init__(self, host: str, config: Path | None = None) -> None:
-        self.host = host
+        self.host = host.replace("[", "").replace("]", "")  # as in an endpoint; ssh takes an IPv6 address without
         self._config = ["-F", str(config)] if config is not None else []
         self._folder = tempfile.TemporaryDirectory(prefix="wallride-ssh-")
         self._socket = str(Path(self._folder.name) / "s")
@@ -116,7 +116,7 @@ class SshConnection:
             self._check(action[0], process)
 
     def watch(self, *action: str, text: str = "") -> int:
-        """Let an action print here, and return its exit code; 255 where the connection was lost."""
+        """Let an action print here, and return its exit code; NOT_SSH where the connection was lost."""
         with CarProcess(self._command(action), SILENT_INSTALLATION_S, merged=True, disconnect=self._log_out) as process:
             with suppress(BrokenPipeError):
                 process.write(text.encode())
@@ -124,7 +124,7 @@ class SshConnection:
             for line in process.lines():
                 say(one_line(line))
             code = process.end()
-        return NOT_SSH if process.silent else code
+        return NOT_SSH if process.silent or code < 0 else code
 
     def _check(self, action: str, process: CarProcess) -> None:
         """Wait for an action's end; DeployError where it failed."""

@@ -57,6 +57,8 @@ def shipped(name: str) -> Path:
 
 def visible(prefix: Path, *, installs: bool) -> Path:
     """Return where the service's program is, for one that runs in a prefix; ServiceError to install an unseen one."""
+    if installs and set(str(prefix)) & set(" \t\n%\"'\\"):
+        raise ServiceError(f"{prefix}: systemd reads a space, a quote or % in it otherwise: choose another folder")
     if not any(prefix.is_relative_to(place) for place in HIDDEN):
         return prefix
     if installs:
@@ -153,8 +155,9 @@ def _entry(root: Path, table: str, name: str) -> list[str] | None:
 
 
 def _add_user(root: Path) -> None:
+    group = ("--gid", USER) if _entry(root, "group", USER) else ("--user-group",)  # userdel leaves one with a member
     _call(
-        root, "useradd", "--system", "--user-group", "--groups", "dialout", "--no-create-home",
+        root, "useradd", "--system", *group, "--groups", "dialout", "--no-create-home",
         "--home-dir", "/nonexistent", "--shell", "/usr/sbin/nologin", USER,
     )  # fmt: skip
 
