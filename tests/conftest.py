@@ -50,6 +50,10 @@ WHOLE_DRIVES = (
 )  # fmt: skip
 """Among them, those that drive or roll out for long: in C, which tests/runtime/kernel holds to the same answers, and
 which gives way to an edited law."""
+GIVES_WAY = 10
+"""Niceness of a test in virtual time, which may take as long as it takes, beside those in real time."""
+MAY_RETURN = os.geteuid() == 0
+"""Whether a process may take its niceness back."""
 RERUNS = int(os.environ.get("WALLRIDE_RERUNS", "1"))
 
 
@@ -77,6 +81,19 @@ def pytest_collection_modifyitems(items, config):
     for item in items:
         if item.path.relative_to(here).as_posix().startswith(tuple(f"{folder}/" for folder in REAL_TIME)):
             item.add_marker(pytest.mark.flaky(reruns=RERUNS, reruns_delay=1))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    """Let a test that only computes give way to those in real time that run beside it."""
+    if not MAY_RETURN or item.get_closest_marker("flaky"):
+        return (yield)
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    os.setpriority(os.PRIO_PROCESS, 0, max(GIVES_WAY, before))
+    try:
+        return (yield)
+    finally:
+        os.setpriority(os.PRIO_PROCESS, 0, before)
 
 
 @pytest.fixture(scope="session", autouse=True)
