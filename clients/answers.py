@@ -5,6 +5,10 @@ from contextlib import contextmanager
 
 from wallride.clients.endpoints import ConnectionProblemError
 from wallride.runtime.host.terminal_text import one_line
+from wallride.runtime.wire import topics
+from wallride.runtime.wire.bus import Bus
+
+ANSWER_WITHIN_S = 3.0
 
 
 @contextmanager
@@ -17,6 +21,17 @@ def reading(car: str, what: str) -> Iterator[None]:
             f"{one_line(car, 64)}: its {what} cannot be read ({type(error).__name__}): is another version of wallride"
             " on it? (wallride --version on both)"
         ) from error
+
+
+async def asked(bus: Bus, car: str, what: str, question: bytes = b"", timeout_s: float = ANSWER_WITHIN_S) -> bytes:
+    """Return a car's answer to a request; RefusedError with its reason, ConnectionProblemError without an answer."""
+    try:
+        answers = await bus.ask(topics.key(car, what), question, timeout_s=timeout_s)
+    except TimeoutError:
+        answers = []
+    if not answers:
+        raise ConnectionProblemError(f"{car} does not answer {what}: {why_unanswered(by_keys=bus.is_by_keys)}")
+    return answers[0]
 
 
 def why_unanswered(*, by_keys: bool) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from wallride.clients.answers import reading, why_unanswered
+from wallride.clients.answers import asked, reading
 from wallride.clients.connection import ConnectionProblemError, connected
 from wallride.runtime.host.terminal_text import one_line
 from wallride.runtime.recording import requests
@@ -20,7 +20,6 @@ from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.network import RefusedError
 
-ANSWER_WITHIN_S = 3.0
 TRIES = 5
 PART = ".part"
 Answer = Mapping[str, Any]
@@ -222,15 +221,9 @@ async def _ask_json(bus: Bus, car: str, what: str, **question: object) -> Answer
 
 async def _ask(bus: Bus, car: str, what: str, question: Mapping[str, object]) -> bytes:
     try:
-        payload = json.dumps(question).encode()
-        answers = await bus.ask(topics.key(car, what), payload, timeout_s=ANSWER_WITHIN_S)
+        return await asked(bus, car, what, json.dumps(question).encode())
     except RefusedError as error:
         raise ConnectionProblemError(f"{car}: {error}") from None
-    except TimeoutError:
-        answers = []
-    if not answers:
-        raise ConnectionProblemError(f"{car} does not answer {what}: {why_unanswered(by_keys=bus.is_by_keys)}")
-    return answers[0]
 
 
 def _recover(files: Sequence[Path], options: argparse.Namespace) -> int:

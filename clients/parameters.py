@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Sequence
 from typing import Any
 
-from wallride.clients.answers import reading, why_unanswered
+from wallride.clients.answers import ANSWER_WITHIN_S, asked, reading
 from wallride.clients.connection import ConnectionProblemError, connected
 from wallride.runtime.host.ownership import user_name
 from wallride.runtime.host.terminal_text import one_line, say
@@ -14,7 +14,6 @@ from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.network import RefusedError
 
-ANSWER_WITHIN_S = 2.0
 SAVED_WITHIN_S = 10.0
 """Timeout of saving: a worn SD card may take seconds to confirm a write."""
 MAX_NAME_LENGTH = 24
@@ -36,14 +35,9 @@ async def run(options: argparse.Namespace) -> int:
 async def ask(bus: Bus, car: str, what: str, timeout_s: float = ANSWER_WITHIN_S, **question: object) -> dict[str, Any]:
     """Send one request to a car's parameter server; RefusedError with its reason, ConnectionProblemError on timeout."""
     payload = json.dumps(question, default=_plain).encode()
-    try:
-        answers = await bus.ask(topics.key(car, f"{topics.PARAM}/{what}"), payload, timeout_s=timeout_s)
-    except TimeoutError:
-        answers = []
-    if not answers:
-        raise ConnectionProblemError(f"{car} does not answer param/{what}: {why_unanswered(by_keys=bus.is_by_keys)}")
+    answer = await asked(bus, car, f"{topics.PARAM}/{what}", payload, timeout_s)
     with reading(car, "answer"):
-        return topics.decode(answers[0])
+        return topics.decode(answer)
 
 
 def _plain(value: Any) -> object:  # noqa: ANN401 - whatever a program sets

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, Self
 
-from wallride.clients.answers import why_unanswered
+from wallride.clients.answers import asked
 from wallride.clients.connection import (
     CONNECT_VARIABLE,
     ConnectionProblemError,
@@ -172,11 +172,8 @@ class RemoteCar:
     def _record(self, **wish: bool) -> Mapping[str, Any]:
         question = json.dumps(wish).encode()
         with self._answered():
-            answers = self._thread.call(self._bus.ask(topics.key(self.name, requests.RECORD), question, timeout_s=3.0))
-            if not answers:
-                why = "are you an admin of it?" if self._bus.is_by_keys else why_unanswered(by_keys=False)
-                raise ConnectionProblemError(f"{self.name} does not answer {requests.RECORD}: {why}")
-        return topics.decode(answers[0])
+            answer = self._thread.call(asked(self._bus, self.name, requests.RECORD, question))
+        return topics.decode(answer)
 
     def _ask(self, what: str, **question: Any) -> Mapping[str, Any]:  # noqa: ANN401 - as JSON
         with self._answered():

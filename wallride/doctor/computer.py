@@ -3,8 +3,6 @@
 import getpass
 import grp
 import os
-import shutil
-import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -12,6 +10,9 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
+
+from wallride.runtime.recording.disk import Disk
+from wallride.runtime.wire.ports import is_taken
 
 REALTIME_PRIORITY: Final = 20
 
@@ -92,18 +93,13 @@ def this_computer() -> Computer:
             continue
     root = Path("/")
     return Computer(
-        root, root, getpass.getuser(), frozenset(groups), time.time(), _may_use, _free_bytes, _realtime_refusal,
+        root, root, getpass.getuser(), frozenset(groups), time.time(), _may_use, Disk().free_bytes, _realtime_refusal,
         _port_is_free, lambda name: find_spec(name) is not None,
     )  # fmt: skip
 
 
 def _may_use(path: Path) -> bool:
     return os.access(path, os.R_OK | os.W_OK)
-
-
-def _free_bytes(folder: Path) -> int:
-    there = next((place for place in (folder, *folder.parents) if place.exists()), Path("/"))
-    return shutil.disk_usage(there).free
 
 
 def _realtime_refusal() -> str:
@@ -123,12 +119,4 @@ def _realtime_refusal() -> str:
 
 
 def _port_is_free(host: str, port: int) -> bool:
-    name = host.strip("[]")
-    family = socket.AF_INET6 if ":" in name else socket.AF_INET
-    with socket.socket(family, socket.SOCK_STREAM) as trial:
-        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            trial.bind((name, port))
-        except OSError:
-            return False
-    return True
+    return not is_taken(f"tcp/{host}:{port}")
