@@ -84,6 +84,8 @@ def _here(options: argparse.Namespace) -> int:
     above = Path(options.local) if options.local else recordings_folder("")
     if options.action == "get":
         raise ConnectionProblemError(f"what --local names is here already: {above}")
+    if options.local and not above.is_dir():
+        raise ConnectionProblemError(f"{above}: no such folder")
     places = folders(above)
     if options.action == "trim":
         found = [trim(folder, options.keep_mb * MB) for folder in places if folder.name != KEPT]

@@ -131,7 +131,8 @@ def motion_of_scans(
 
 def follow_each_other(elapsed_s: Floats) -> Booleans:
     """Return which of the times between scans lack at most a few of them, (n,)."""
-    return (elapsed_s > 0.0) & (elapsed_s < max(GAP_S, GAP_PERIODS * float(np.median(elapsed_s))))
+    gap_s = max(GAP_S, GAP_PERIODS * float(np.median(elapsed_s))) if elapsed_s.size else GAP_S
+    return (elapsed_s > 0.0) & (elapsed_s < gap_s)
 
 
 def _after(at: Shift, moved: Shift) -> Shift:

@@ -124,3 +124,8 @@ async def test_an_odd_entry_or_folder_is_named_and_the_rest_is_listed_and_trimme
     assert f"not deleted {DRIVE.format(2)}: Is a directory" in text
     assert text.count("\ndeleted ") + text.startswith("deleted ") == 4
     assert (await said("trim", "--local", "--keep-mb", "0"))[0] == 1, "nothing was deleted, and not for want of wishing"
+
+
+async def test_a_folder_that_is_not_there_is_no_empty_one(home):
+    with pytest.raises(ConnectionProblemError, match=r"nope: no such folder"):
+        await said("list", "--local", home / "nope")

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 import zipfile
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -166,7 +167,8 @@ class SmallCar:
             ["ps", "-o", "pid=", "--ppid", str(self.server.pid)], capture_output=True, text=True, check=False
         ).stdout.split()
         for pid in [*map(int, sessions), self.server.pid]:
-            os.kill(pid, 15)
+            with suppress(ProcessLookupError):  # a session that has just ended
+                os.kill(pid, 15)
         self.server.wait(10)
 
     def tool(self, name, text):
