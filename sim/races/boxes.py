@@ -3,8 +3,8 @@
 A box is 35 cm long and 32 cm wide. The standing one is on the line or 15 cm beside it, at a place that the seed
 chooses. The moving one is there when a car that meets none would be: on its way across the line, or ahead along it. The
 sudden one appears at the 28 distances and least speeds of `lab safety`, which the seed chooses, too. The
-car drives its first lap at the line's full speed. What a sudden box may be hit with is measured: in the same race, the
-car brakes in full from the first scan on that shows it.
+car drives its first lap at the full speed of its line. What a box may be hit with that appears or begins to move is
+measured: in the same race, the car brakes in full from the first scan on that shows it.
 """
 
 from dataclasses import replace
@@ -97,6 +97,15 @@ def shown_at(run: SimulatedRun) -> int | None:
     """Return the index of the first scan that could show the box, None where it did not appear."""
     shown = np.flatnonzero(run.appeared)
     return int(shown[0]) if shown.size else None
+
+
+def surprises_at_s(run: SimulatedRun, case: Case) -> float | None:
+    """Return when the first scan shows a box that appears, or one that begins to move; None for one that stands."""
+    (box,), shown = case.obstacles, shown_at(run)
+    if shown is None or (isinstance(box.appearance, StandingObstacle) and box.motion is None):
+        return None
+    begins_s = box.motion.from_s if box.motion is not None else 0.0
+    return max(float(run.time_s[shown]), begins_s)
 
 
 def box_figures(run: SimulatedRun, braked: SimulatedRun | None) -> Figures:

@@ -24,7 +24,7 @@ from wallride.sim.lab import laws
 from wallride.sim.lab.cell import Cell, Figures
 from wallride.sim.lab.courses.sudden import BrakingGuard
 from wallride.sim.lab.figures import common, number
-from wallride.sim.races.boxes import FULL_SPEED, MOVING, SUDDEN, box_figures, shown_at, timed, with_box
+from wallride.sim.races.boxes import FULL_SPEED, MOVING, box_figures, surprises_at_s, timed, with_box
 from wallride.sim.races.mapped_lap import TRIM_RAD, WHEELS, KeyframePoses, map_file, poses_of_map
 from wallride.sim.racing.free_space import FreeSpace
 from wallride.sim.racing.line_file import text_of
@@ -122,10 +122,10 @@ def _drive(
     alone = laws.drive_case(driven, timed(case, line)) if cell.box == MOVING else None
     case = with_box(case, cell.box, line, poses, alone)
     run, braked = laws.drive_case(driven, case), None
-    shown = shown_at(run)
-    if cell.box == SUDDEN and shown is not None and run.contact is not None:
+    surprise_s = surprises_at_s(run, case)
+    if surprise_s is not None and run.contact is not None:
         follower, guard = laws.build(cell.law, cell.side, case.desired_m, cell.speed_mps, known)
-        braked = laws.drive_case(driven, case, follower, BrakingGuard(guard, float(run.time_s[shown])))
+        braked = laws.drive_case(driven, case, follower, BrakingGuard(guard, surprise_s))
     return run, box_figures(run, braked)
 
 
