@@ -2,6 +2,7 @@
 
 import argparse
 import asyncio
+import math
 import secrets
 import time
 from collections import Counter
@@ -23,6 +24,8 @@ SETTLING_S = 0.5
 GIVE_UP_S = 3.0
 OLD_S = 1.0
 """Silence after which a start of a car has ended: it need not confirm what is pressed later."""
+LEFT_S = 30.0
+"""Time for which a car that has left is stopped and named as well: it may be out of reach, and driving."""
 INSIST_S = 0.3
 """Time for which the e-stop is repeated after its confirmation: a car latched for another reason has to learn of it."""
 
@@ -50,6 +53,7 @@ class FleetStop:
         self._command = Command(secrets.randbits(63) + 1, 0, 0, 0, Press.ESTOP, Input.PAGE, name=name)
         self._known: dict[tuple[FleetLink, str], None] = {}
         self._present: set[tuple[FleetLink, str]] = set()
+        self._left_s: dict[tuple[FleetLink, str], float] = {}
         self._latched_s: dict[tuple[str, int], float | None] = {}
         self._heard_s: dict[tuple[str, int], float] = {}
         self._refused: dict[tuple[str, str], str] = {}
@@ -68,10 +72,12 @@ class FleetStop:
         self._latched_s = dict.fromkeys(self._heard_s)
         self.step(now_s)
 
-    def end(self) -> None:
-        """Send no more, and forget the cars that have left meanwhile."""
+    def end(self, now_s: float) -> None:
+        """Send no more, and forget the cars that left LEFT_S ago; called again and again until the next press."""
         self._pressed_s = None
-        self._known = {place: None for place in self._known if place in self._present}
+        left_s = {place: min(at_s, now_s) for place, at_s in self._left_s.items()}
+        self._left_s = {place: at_s for place, at_s in left_s.items() if now_s - at_s < LEFT_S}
+        self._known = {place: None for place in self._known if place in self._present or place in self._left_s}
         self._refused = {start: at for start, at in self._refused.items() if start in self._refused_now}
 
     def step(self, now_s: float) -> None:
@@ -82,6 +88,11 @@ class FleetStop:
             heard = [at_s for (name, _), at_s in self._latched_s.items() if name == car]
             if not heard or any(at_s is None or now_s - at_s < INSIST_S for at_s in heard):
                 self._send(link, car)
+
+    @property
+    def left(self) -> Sequence[str]:
+        """Return the names of the cars that have left, and would be stopped as well."""
+        return sorted({car for _, car in self._left_s} - {car for _, car in self._present})
 
     @property
     def cars(self) -> Mapping[str, float | None]:
@@ -123,11 +134,11 @@ class FleetStop:
         place = link, key.split("/")[1]
         if alive:
             self._present.add(place)
+            self._left_s.pop(place, None)
             self._meet(*place)
-            return
-        self._present.discard(place)
-        if self._pressed_s is None:  # one that leaves while it is pressed may be out of reach, and driving
-            self._known.pop(place, None)
+        else:
+            self._present.discard(place)
+            self._left_s[place] = math.inf  # the next `end` knows the time
 
     def _on_refused(self, link: FleetLink, key: str, alive: bool) -> None:  # noqa: FBT001 - the bus's callback
         _, car, _, session = key.split("/")

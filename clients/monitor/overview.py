@@ -59,7 +59,10 @@ class CarsOverview:
         ]
         return {
             "cars": rows,
-            "problems": [f"{link.endpoint}: {link.problem}" for link in self._links if link.problem],
+            "problems": [
+                *(f"{link.endpoint}: {link.problem}" for link in self._links if link.problem),
+                *(f"{car} is not heard any more: has it ended, or is its link gone?" for car in stop.left),
+            ],
             "stop": self._stop_fields(now_s),
         }
 
@@ -90,7 +93,7 @@ class CarsOverview:
             stop.step(now_s)
             self._result = dict(stop.cars)
         else:
-            stop.end()
+            stop.end(now_s)
         wanted = set(view.present) if now_s - self._looked_s < LOOKING_S else set()
         for car in self._probing.keys() - wanted:
             self._probing.pop(car).cancel()

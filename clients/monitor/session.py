@@ -273,6 +273,7 @@ class PageSession:
             self._host.relay.unwatch(self._feed, self)
             self._feed = None
             self._outbox.clear()
+            self._urgent.clear()
             self._shown.clear()
 
     def _send(self, commands: Sequence[Command]) -> None:

@@ -83,7 +83,7 @@ export class Condition {
     if (!fresh) this.#sayWhatIsMissing(pages, monitor, away);
     setData($("link"), "mood", words || !fresh ? "bad" : beatMs > 200 ? "warn" : "good");
     setText($("link-age"), words || (Number.isFinite(beatMs) ? `heard ${age(beatMs)} ago` : "not heard"));
-    setText($("round-trip"), number(toCar + link.roundTripMs, 1, " ms"));
+    setText($("round-trip"), fresh ? number(toCar + link.roundTripMs, 1, " ms") : "–");
   }
 
   /** A recording has no heartbeat, and its state is of the time of its drive. */

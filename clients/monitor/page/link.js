@@ -6,6 +6,7 @@ import { Beat, Drive, Float, Grid, Json, Markers, Odometry, Path, Pose, Scan } f
 const SOONEST_MS = 200;
 const LATEST_MS = 2000;
 const PING_MS = 1000;
+const DEAD_MS = 3000; // a ping without an answer for so long: the link hangs, and a new one may not
 const MOST_QUEUED_BYTES = 4096;
 const ANSWER_WITHIN_MS = 12000;
 
@@ -34,6 +35,7 @@ export class Link {
   #socket = null;
   #waitMs = SOONEST_MS;
   #unacknowledged = 0;
+  #pingMs = Infinity; // when the oldest ping left that has no answer
   #questions = new Map();
   #question = 0;
   #handlers = { hello: [], gone: [], news: [], trouble: [], history: [] };
@@ -41,7 +43,7 @@ export class Link {
   constructor() {
     for (const topic of Object.keys(this.newest)) this.forget(topic);
     document.addEventListener("visibilitychange", () => { if (!document.hidden) this.#acknowledge(); });
-    setInterval(() => this.say({ t: "ping", at: performance.now() }), PING_MS);
+    setInterval(() => this.#ping(performance.now()), PING_MS);
   }
 
   on(event, handler) { this.#handlers[event].push(handler); }
@@ -90,7 +92,10 @@ export class Link {
   #emit(event, detail) { for (const handler of this.#handlers[event]) handler(detail); }
 
   #takeText(message) {
-    if (message.t === "pong") this.roundTripMs = performance.now() - message.at;
+    if (message.t === "pong") {
+      this.roundTripMs = performance.now() - message.at;
+      this.#pingMs = Infinity;
+    }
     else if (message.t === "answer") this.#answered(message.id, message);
     else if (message.t === "history") this.#emit("history", message);
     else if (message.t === "trouble") this.#emit("trouble", message.reason);
@@ -136,6 +141,14 @@ export class Link {
     this.#emit("news", topic);
   }
 
+  #ping(nowMs) {
+    if (this.open && nowMs - this.#pingMs > DEAD_MS) {
+      const dead = this.#socket;
+      dead.close();
+      this.#gone(dead, "");
+    } else if (this.say({ t: "ping", at: nowMs })) this.#pingMs = Math.min(this.#pingMs, nowMs);
+  }
+
   #acknowledge() {
     if (this.#unacknowledged && this.say({ t: "ack", n: this.#unacknowledged })) this.#unacknowledged = 0;
   }
@@ -151,6 +164,8 @@ export class Link {
 
   #gone(socket, reason) {
     if (socket !== this.#socket) return;
+    this.#socket = null;
+    this.#pingMs = Infinity;
     const wasOpen = this.open;
     if (wasOpen) this.goodbye = reason;
     this.open = false;

@@ -173,6 +173,7 @@ function showAges() {
   fleet.showAges();
   setData(document.body, "old", String(!link.open || statusMs > OLD_MS));
   condition.showAges(link.newest.monitor.value, nowMs);
+  if (link.open && link.ageMs("pilot", nowMs) > OLD_MS) pilotView.showNone();
   stopButton.show(nowMs);
   driving.pad.draw();
   wantFrame();

@@ -130,6 +130,8 @@ class GyroOdometry:
             self._steps, self._reckoned = WheelSteps(self._car.steering_rate_radps), None
             self.pose = OdometryState(at.x_m, at.y_m, at.yaw_rad)
             return self.pose
+        if last is not None and state.stamp_s == last.stamp_s:
+            return self.pose  # the same report once more, now with a fault
         step, turn_rad = self._steps.to(state.stamp_s, state), self.gyro.turned_rad(state.stamp_s)
         if step is not None and not math.isnan(turn_rad):
             self._compare(step, turn_rad)

@@ -304,7 +304,7 @@ def test_a_car_that_is_refused_at_one_router_and_stops_by_another_is_stopped():
     assert stop.cars == {"car1": None}, "out of reach, and perhaps driving"
     stop._on_beat(other, BEAT, beat_of(1, latched=True), 10.1)
     assert stop.cars == {"car1": pytest.approx(0.1)}
-    stop.end()
+    stop.end(1.0)
     stop.press(20.0)
     assert not any(one.refused_at for one in stop.results), "it has left since"
 
@@ -350,15 +350,18 @@ def test_the_start_of_a_car_that_has_ended_need_not_confirm_what_is_pressed_late
     assert stop.cars == {"car1": pytest.approx(0.1)}
 
 
-def test_a_car_that_leaves_while_stop_is_pressed_is_missed_and_one_that_left_before_is_not():
+def test_a_car_that_leaves_while_stop_is_pressed_or_shortly_before_is_missed_and_one_that_left_long_ago_is_not():
     link = deaf_link("tcp/a:1", lambda *_, **__: None)
     stop = fleet_stop.FleetStop([link], "me")
     for name in ("car1", "car2"):
         stop._on_token(link, f"wallride/{name}/alive", True)
     stop._on_token(link, "wallride/car2/alive", False)
+    stop.end(9.0)
+    assert stop.left == ["car2"]
     stop.press(10.0)
     stop._on_token(link, "wallride/car1/alive", False)
-    assert stop.cars == {"car1": None}, "out of reach, and perhaps driving"
-    stop.end()
-    stop.press(20.0)
-    assert stop.cars == {}
+    assert stop.cars == {"car1": None, "car2": None}, "out of reach, and perhaps driving"
+    for now_s in (11.0, 10.0 + fleet_stop.LEFT_S, 12.0 + fleet_stop.LEFT_S):
+        stop.end(now_s)
+    stop.press(50.0)
+    assert (stop.cars, stop.left) == ({}, [])

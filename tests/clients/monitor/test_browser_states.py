@@ -139,6 +139,19 @@ async def test_a_stop_without_a_link_goes_out_when_the_link_is_back(scene, tab):
             await car.until(lambda: car.e_stop.latched, "the STOP of before", within_s=15)
 
 
+async def test_a_stop_that_a_hanging_link_swallowed_goes_out_by_the_next_one(scene, tab):
+    async with scene.car() as car, scene.monitor():
+        await watching(tab, scene)
+        await tab.run("window.send = WebSocket.prototype.send; WebSocket.prototype.send = () => undefined")
+        await tab.click("#stop")
+        await tab.until("document.querySelector('#stop').dataset.state === 'pending'")
+        await tab.until("!wallride.link.open", within_s=15)
+        assert not car.e_stop.latched
+        await tab.run("WebSocket.prototype.send = window.send")
+        await car.until(lambda: car.e_stop.latched, "the STOP of before", within_s=15)
+        await tab.until("document.querySelector('#stop').dataset.state === 'latched'")
+
+
 async def test_a_page_that_is_opened_later_has_the_minutes_before_it(scene, tab, car):
     await asyncio.sleep(3)
     await tab.go(scene.url)

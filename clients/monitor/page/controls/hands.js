@@ -240,8 +240,9 @@ export class Hands {
   }
 }
 
+/** Whether an element takes letters; a slider that was touched must not take the driving keys. */
 function writes(target) {
-  return target instanceof Element && target.closest("input, select, textarea") !== null;
+  return target instanceof Element && target.closest('input:not([type="range"], [type="checkbox"]), select, textarea') !== null;
 }
 
 function clamp(value) { return Number.isFinite(value) ? Math.max(-1, Math.min(1, value)) : 0; }

@@ -37,7 +37,7 @@ export class PilotView {
     const { link } = this;
     setData($("driving"), "mood", "off");
     setText($("pilot-state"), link.goodbye ? "ended" : "no link");
-    setText($("pilot-next"), link.goodbye || "No link to the monitor: this page does not drive.");
+    setText($("pilot-next"), link.goodbye || `${link.open ? "The monitor is not heard" : "No link to the monitor"}: this page does not drive.`);
   }
 
   /** What to do where a car ended or its link is gone, "" while there is one. */

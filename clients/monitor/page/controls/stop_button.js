@@ -1,16 +1,15 @@
-// The STOP button, Space and Esc: stops the car that is shown, or all cars. A STOP without a link is sent late.
+// The STOP button, Space and Esc: stops the car that is shown, or all cars. A STOP is owed until a car has confirmed it:
+// the link may be gone, or hang, and is then sent again as soon as there is one.
 
 import { $, announce, setData, setText } from "../look.js";
 
 const OWED_MS = 15000; // a STOP is sent late rather than never
-const SENDING_MS = 300;
 const OLD_MS = 500;
 
 export class StopButton {
   /** Whether STOP is for all cars. */
   all = false;
-  #askedMs = -Infinity;
-  #owedMs = -Infinity; // a STOP that found no link
+  #owedMs = -Infinity; // when the STOP was asked for that is not confirmed
   #owed = "stop";
 
   constructor({ link, fleet, device, timings }) {
@@ -22,17 +21,16 @@ export class StopButton {
   }
 
   stop(kind = this.all ? "stop_all" : "stop") {
-    this.#askedMs = performance.now();
-    this.timings.stopped(this.#askedMs);
+    this.#owedMs = performance.now();
+    this.#owed = kind;
+    this.timings.stopped(this.#owedMs);
     if (!this.link.say({ t: kind })) {
-      this.#owedMs = this.#askedMs;
-      this.#owed = kind;
       announce("STOP NOT SENT: there is no link to the car; it will be sent as soon as the link is back", "bad");
     }
-    this.show(this.#askedMs);
+    this.show(this.#owedMs);
   }
 
-  /** Sends the STOP that found no link. Called when the link is back. */
+  /** Sends the STOP that is not confirmed. Called when the link is back. */
   sendOwed() {
     const owed = performance.now() - this.#owedMs < OWED_MS;
     this.#owedMs = -Infinity;
@@ -42,25 +40,35 @@ export class StopButton {
   }
 
   show(nowMs) {
-    if (this.#owedMs > -Infinity && nowMs - this.#owedMs > OWED_MS) {
+    if (this.#isConfirmed()) this.#owedMs = -Infinity;
+    if (this.#isOwed && nowMs - this.#owedMs > OWED_MS) {
       this.#owedMs = -Infinity;
-      announce("STOP WAS NOT SENT: the link did not come back in time; stop the car another way", "bad");
+      announce("STOP IS NOT CONFIRMED: stop the car another way", "bad");
     }
-    const state = this.#state(nowMs);
+    const state = this.#state();
     setData($("stop"), "state", state);
     setText($("stop-note"), this.#note(state, nowMs));
   }
 
-  #state(nowMs) {
+  #state() {
     const { pilot, beat } = this.link.newest;
-    const asked = nowMs - this.#askedMs < SENDING_MS;
-    if (this.all) return asked && this.fleet.stop.state === "ready" ? "pending" : this.fleet.stop.state;
+    if (this.all) return this.#isOwed && this.fleet.stop.state === "ready" ? "pending" : this.fleet.stop.state;
     if (beat.latched) return "latched";
-    return asked || pilot.value?.stop_pending ? "pending" : "ready";
+    return this.#isOwed || pilot.value?.stop_pending ? "pending" : "ready";
+  }
+
+  get #isOwed() { return this.#owedMs > -Infinity; }
+
+  /** Whether a car, or all, have stopped since; where a recording is played there is none. */
+  #isConfirmed() {
+    const { newest, seenMs } = this.link;
+    if (newest.monitor.value?.recording) return true;
+    if (this.#owed === "stop_all") return seenMs.fleet > this.#owedMs && this.fleet.stop.state === "latched";
+    return seenMs.beat > this.#owedMs && newest.beat.latched;
   }
 
   #note(state, nowMs) {
-    if (!this.link.open) return this.#owedMs > -Infinity ? "no link! sent when it is back" : "no link!";
+    if (!this.link.open) return this.#isOwed ? "no link! sent when it is back" : "no link!";
     if (this.all) return this.fleet.stop.words || this.device.stopKeys;
     if (this.link.ageMs("beat", nowMs) > OLD_MS) return "the car is not heard";
     return { latched: "e-stop: the car is held", pending: "sending…", ready: this.device.stopKeys }[state];

@@ -1,6 +1,7 @@
 """Odometry by wheels and gyro: what it is better at than the steering, and gyros that it does not believe."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -125,3 +126,9 @@ def test_a_lost_motor_controller_interrupts_it():
     place = complex(pose.x_m, pose.y_m)
     car.way_m += 100.0
     assert abs(complex(car.drive(0.02).odometry.pose.x_m, car.odometry.pose.y_m) - place) < 0.05
+
+
+def test_the_same_report_once_more_now_with_a_fault_moves_nothing():
+    car = Circle(mems).drive(6.0)
+    pose = car.odometry.pose
+    assert car.odometry.update(replace(car.states[-1], fault="a button")) == pose
