@@ -28,6 +28,7 @@ class UserCodeError(ValueError):
 
 
 _folders: list[Path] = []
+_beside: list[Path] = []
 
 
 def search_in(folder: Path) -> None:
@@ -37,6 +38,26 @@ def search_in(folder: Path) -> None:
         _folders.append(resolved)
     if str(resolved) not in sys.path and not untrusted(resolved):
         sys.path.append(str(resolved))
+
+
+def search_beside(file: Path) -> None:
+    """Look for files beside this one, which means those; UserCodeError where others of their names are imported."""
+    folder = file.absolute().parent.resolve()
+    search_in(folder)
+    if folder not in _beside:
+        _beside.append(folder)
+    refuse_others_than_in(folder)
+
+
+def refuse_others_than_in(folder: Path) -> None:
+    """UserCodeError where a module that is in this folder is imported already, from another one."""
+    for module in tuple(sys.modules.values()):
+        known = Path(getattr(module, "__file__", None) or "")
+        if known.parent in _folders and known.parent != folder and (folder / known.name).is_file():
+            raise UserCodeError(
+                f"{shown(known)} is imported already, and {shown(folder / known.name)} has the same name: begin a"
+                " command, or a notebook's kernel, for each"
+            )
 
 
 def untrusted(folder: Path) -> str:
@@ -55,6 +76,9 @@ def untrusted(folder: Path) -> str:
 def import_module(name: str) -> ModuleType:
     """Return a module, imported at the first call; UserCodeError names what is wrong with it."""
     search_in(Path.cwd())
+    places = dict.fromkeys([Path.cwd().resolve(), *_beside])
+    if len(found := [folder for folder in places if (folder / f"{name}.py").is_file()]) > 1:
+        raise UserCodeError(f"{name}.py is in {found[0]} and in {found[1]}: move or rename one")
     importlib.invalidate_caches()
     with as_user_code_error():
         try:

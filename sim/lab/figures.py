@@ -32,6 +32,7 @@ def common(run: SimulatedRun) -> Figures:
         "safety_stops": sum(stop.winner is Source.SAFETY for stop in run.stops),
         "stop_reasons": sorted({stop.reason for stop in run.stops}),
         "last_reason": run.reasons[-1] if run.reasons else "",
+        "law_fault": run.law_fault,
         "stopped_for_good": bool(run.stops and math.isnan(run.stops[-1].until_s)),
         "speed_lost": speed_lost(run),
     }

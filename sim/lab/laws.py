@@ -7,6 +7,7 @@ the user, and "my_laws:Follower+my_laws:Guard" one of the user's safety laws bes
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from wallride.runtime.arbitration.command import Source
@@ -44,6 +45,14 @@ def check(law: str) -> str:
             f" or with another safety FOLLOWER+GUARD, guards being {', '.join(GUARDS)}"
         )
     return f"{follower}+{guard}"
+
+
+def own_law_files(law: str) -> list[Path]:
+    """Return the files of a law that are the user's: of its follower, of its safety."""
+    follower, _, guard = law.partition("+")
+    return [
+        load_law(section, name).file for section, name in (("wall_follow", follower), ("safety", guard)) if is_own(name)
+    ]
 
 
 def settings_of(law: str, side: Side, desired_m: float, speed_mps: float, assignments: Sequence[str] = ()) -> Settings:
@@ -112,16 +121,14 @@ def needs_line(cell: Cell) -> bool:
     return check(cell.law).startswith("line+") and not any(text.startswith("map.") for text in cell.settings)
 
 
-def own_law_faults(laws: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> list[str]:
+def own_law_faults(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the faults of the user's laws that stopped a car, each once."""
-    names = tuple(f"{name} " for law in laws for name in law.split("+") if is_own(name))
-    reasons = {str(row.get("last_reason", "")) for row in rows}  # a fault lasts to the end of a run
-    return sorted(reason for reason in reasons if names and reason.startswith(names))
+    return sorted({str(row["law_fault"]) for row in rows if row.get("law_fault")})
 
 
-def tell_own_law_faults(laws: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> int:
+def tell_own_law_faults(rows: Sequence[Mapping[str, Any]]) -> int:
     """Say on standard error which of the user's laws stopped a car; return the exit code, 0 where none did."""
-    faults = own_law_faults(laws, rows)
+    faults = own_law_faults(rows)
     for fault in faults:
         complain(f"the car stood: {fault}")
     return 1 if faults else 0
@@ -143,4 +150,6 @@ def drive_case(cell: Cell, case: Case, navigator: Follower | None = None, guard:
         case = replace(case, car=car)
     vehicle, lidar = put_on_top(cell.conditions, case.vehicle, case.lidar)
     lidar = lidar.model_copy(update={"own_parts": cell.own_parts})
-    return drive(replace(case, vehicle=vehicle, lidar=lidar), navigator or laws.follower, guard or built)
+    done = drive(replace(case, vehicle=vehicle, lidar=lidar), navigator or laws.follower, guard or built)
+    done.law_fault = laws.own_law_fault
+    return done

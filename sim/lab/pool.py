@@ -9,6 +9,7 @@ from typing import TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
+from wallride.runtime.control.own_laws.law_class import is_own
 from wallride.sim.lab.cell import Cell, Experiment, Figures, module_of
 from wallride.sim.lab.workers.finished_cell import Ends
 from wallride.sim.lab.workers.submit import submit
@@ -17,7 +18,7 @@ C = TypeVar("C")
 
 
 class CellFailedError(RuntimeError):
-    """A cell of an experiment failed, which is a bug of the experiment; the text names cell and cause."""
+    """A cell of an experiment failed: a bug of the experiment, or the end of a process by a law of the user's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +58,8 @@ def measure_all(cells: Sequence[Cell], jobs: int | None, plots: Path | None, con
     KeyboardInterrupt ends all processes; nothing is left running.
     """
     with progress_bar(cells[0].experiment, len(cells), console) as (progress, bar):
-        return in_order(submit(cells, Measuring(plots), jobs=jobs), lambda: progress.advance(bar))
+        apart = any(map(is_own, {name for cell in cells for name in cell.law.split("+")}))
+        return in_order(submit(cells, Measuring(plots), jobs=jobs, apart=apart), lambda: progress.advance(bar))
 
 
 def in_order(ends: Ends[C], advance: Callable[[], None] = lambda: None) -> list[Figures]:

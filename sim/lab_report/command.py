@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     count = sum(map(len, rows.values()))
     took_s = time.monotonic() - began_s
     print(f"{folder / 'report.html'} and report.md: {count} runs in {took_s:.0f} s")  # noqa: T201
-    return laws.tell_own_law_faults([plan.law], [row for some in rows.values() for row in some])
+    return laws.tell_own_law_faults([row for some in rows.values() for row in some])
 
 
 def measure(plan: ReportPlan, jobs: int | None, console: Console) -> dict[str, list[Figures]]:

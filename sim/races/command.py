@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
     write(options, choice, rows, made, took_s)
     if options.json != "-":
         show(made, f"{len(cells)} races in {took_s:.0f} s")
-    return laws.tell_own_law_faults(choice.laws, rows)
+    return laws.tell_own_law_faults(rows)
 
 
 def race_choice(options: argparse.Namespace) -> CellChoice:

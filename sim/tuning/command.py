@@ -1,7 +1,7 @@
 """`wallride lab tune`: from the options to the study, its page and a settings file."""
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -15,6 +15,7 @@ from wallride.runtime.host.terminal_text import complain
 from wallride.runtime.parameters.toml_text import set_value
 from wallride.runtime.settings.tree import SettingsError, load_settings, read_value
 from wallride.sim.lab import laws
+from wallride.sim.lab.cell import Cell, Figures
 from wallride.sim.lab.command import FIXED_SETTINGS, INTERRUPTED, LabUsageError, check_folder
 from wallride.sim.lab.pool import Measuring, in_order
 from wallride.sim.lab.tuning.drive import SCENARIOS, Scenario
@@ -30,12 +31,12 @@ GIVEN = "given by --set"
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run or continue a study; 0, 2 for a wrong option, 130 after Ctrl-C, which keeps what is finished."""
+    """Run or continue a study; 1: a law failed, 2: a wrong option, 130: Ctrl-C, which keeps what is finished."""
     console = Console(stderr=True)
     folder: Path = options.output
     try:
         plan = plan_of(options)
-        verdict = study_and_judge(plan, folder, options, console)
+        verdict, rows = study_and_judge(plan, folder, options, console)
     except (LabUsageError, ConditionsError, SpaceError, StudyError, WorkerStartError) as error:
         return complain(error)
     except KeyboardInterrupt:
@@ -47,16 +48,19 @@ def run(options: argparse.Namespace) -> int:
         print(f"{name} = {value}")  # noqa: T201
     judged = "better than" if verdict.better else "not shown to be better than"
     print(f"{folder / 'tuned.toml'}: {judged} the present settings; {folder / 'tuning.html'} has the plots")  # noqa: T201
-    return 0
+    return laws.tell_own_law_faults(rows)
 
 
-def study_and_judge(plan: TuningPlan, folder: Path, options: argparse.Namespace, console: Console) -> TuningVerdict:
-    """Run the trials that are missing and write the page and the settings file."""
+def study_and_judge(
+    plan: TuningPlan, folder: Path, options: argparse.Namespace, console: Console
+) -> tuple[TuningVerdict, list[Figures]]:
+    """Run the trials that are missing, write the page and the settings file; return the verdict, and all drives."""
+    rows: list[Figures] = []
     check_folder(folder, "the study")
     study = open_study(folder, plan)
     with (
         TuningProgress(console, options.trials, len(plan.scenarios)) as progress,
-        measuring(options.jobs, options.on, progress.driven) as measure,
+        measuring(options.jobs, options.on, progress.driven, rows) as measure,
     ):
         go_on(study, plan, options.trials, measure, progress.finished)
         progress.judging(drives_to_judge(study, plan))
@@ -64,17 +68,26 @@ def study_and_judge(plan: TuningPlan, folder: Path, options: argparse.Namespace,
     of = version("wallride")
     write_file(folder / "tuning.html", tuning_page(study, plan, verdict, of))
     write_settings(folder / "tuned.toml", settings_text(plan, verdict, of))
-    return verdict
+    return verdict, rows
 
 
 @contextmanager
-def measuring(jobs: int | None, on: str = "", driven: Callable[[], None] = lambda: None) -> Iterator[Measure]:
+def measuring(
+    jobs: int | None, on: str = "", driven: Callable[[], None] = lambda: None, kept: list[Figures] | None = None
+) -> Iterator[Measure]:
     """Yield what returns the figures of drives in their order, the same for any workers, which stay for the study.
 
-    driven: called after each drive.
+    driven: called after each drive. kept: takes all figures.
     """
     with workers(Measuring(None), jobs=jobs, on=on) as run:
-        yield lambda drives: in_order(run(drives), driven)
+
+        def measure(drives: Sequence[Cell]) -> list[Figures]:
+            rows = in_order(run(drives), driven)
+            if kept is not None:
+                kept.extend(rows)
+            return rows
+
+        yield measure
 
 
 class TuningProgress:

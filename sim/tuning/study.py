@@ -16,6 +16,8 @@ from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, Trial, TrialState
 
 from wallride.sim.lab.cell import Cell, Figures
+from wallride.sim.lab.laws import own_law_files
+from wallride.sim.lab.sweep.drive_cell import file_digest
 from wallride.sim.lab.tuning.drive import Scenario, cells, cost_of
 from wallride.sim.tuning.space import TunedParameter
 
@@ -52,9 +54,10 @@ class TuningPlan:
     conditions: tuple[str, ...] = ()
 
     def text(self) -> str:
-        """Return the plan as one comparable text."""
+        """Return the plan as one comparable text; of the user's laws the files count."""
         names = [[one.name, one.range_words()] for one in self.parameters]
-        return json.dumps([self.law, self.settings, names, self.scenarios, self.seed, *self.conditions])
+        files = map(file_digest, own_law_files(self.law))
+        return json.dumps([self.law, self.settings, names, self.scenarios, self.seed, *self.conditions, *files])
 
     def condition_seed(self, number: int) -> int:
         """Return the seed of a trial's conditions."""
@@ -80,7 +83,8 @@ def open_study(folder: Path, plan: TuningPlan) -> optuna.Study:
         study.set_user_attr(_PLAN, plan.text())
     elif kept != plan.text():
         raise StudyError(
-            f"{folder}: holds a study of another law, range, scenario or seed; name another folder with -o,"
+            f"{folder}: holds a study of another law, or of its file before a change, another range, scenario or seed;"
+            " name another folder with -o,"
             " or give the same options to continue it"
         )
     return study

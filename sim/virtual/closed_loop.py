@@ -126,7 +126,8 @@ class SimulatedRun:
     its wheels report. wish: (n, 2) and command: (n, 2), speed [m/s] and steering [rad] of the follower and of what went
     to the wire `latency_s` later; a stop is 0 m/s. capped: (n,) whether safety lowered the wish. wall_m: (n,) distance
     to the followed wall, inf without one. clearance_m: (n,), 0 in contact. appeared: (n,) how many obstacles
-    there were for the scan to see. distance_m: way driven. reasons: the decisions' reasons, one per scan.
+    there were for the scan to see. distance_m: way driven. reasons: the decisions' reasons, one per scan. law_fault: of
+    a law of the user's, "" without one.
     """
 
     case: Case
@@ -143,6 +144,7 @@ class SimulatedRun:
     stops: list[SimulatedStop]
     contact: FirstContact | None
     reasons: list[str]
+    law_fault: str = ""
 
     @property
     def error_m(self) -> Floats:

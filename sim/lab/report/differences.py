@@ -13,7 +13,7 @@ from wallride.sim.lab.report.tables import Rows, cleared, gain_table_of, title_o
 
 def differences(plan: ReportPlan, rows: Rows) -> list[str]:
     """Return one sentence or two per difference."""
-    faults = laws.own_law_faults([plan.law], [row for some in rows.values() for row in some])
+    faults = laws.own_law_faults([row for some in rows.values() for row in some])
     failed = [f"`{plan.law.partition('+')[0]}` failed, and the car stood: {fault}." for fault in faults]
     return [*failed, *_averages(plan, rows), *_errors(plan, rows), *_ends(plan, rows), *_safety(plan, rows)]
 

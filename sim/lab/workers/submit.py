@@ -18,25 +18,31 @@ from wallride.sim.lab.workers.ray_cluster import ray_tasks
 C = TypeVar("C")
 
 
-def submit(cells: Sequence[C], work: Callable[[C], Figures], *, jobs: int | None = None, on: str = "") -> Ends[C]:
+def submit(
+    cells: Sequence[C], work: Callable[[C], Figures], *, jobs: int | None = None, on: str = "", apart: bool = False
+) -> Ends[C]:
     """Yield the end of every cell as it comes; each exactly once.
 
-    jobs: processes, None for one per core. One process is this one. on: "" for this machine's processes, "ray" for a
-    Ray cluster on this machine, or the address of one. An abandoned generator (KeyboardInterrupt, `close`)
-    ends all workers. Raises WorkerStartError where no worker comes up.
+    jobs: processes, None for one per core. One process is this one, but with apart, for code that may end its process.
+    on: "" for this machine's processes, "ray" for a Ray cluster on this machine, or the address of one. An abandoned
+    generator (KeyboardInterrupt, `close`) ends all workers. Raises WorkerStartError where no worker comes up.
     """
     if cells:
-        with workers(work, jobs=jobs if on else min(jobs or os.cpu_count() or 1, len(cells)), on=on) as run:
+        with workers(
+            work, jobs=jobs if on else min(jobs or os.cpu_count() or 1, len(cells)), on=on, apart=apart
+        ) as run:
             yield from run(cells)
 
 
 @contextmanager
-def workers(work: Callable[[C], Figures], *, jobs: int | None = None, on: str = "") -> Iterator[Run[C]]:
+def workers(
+    work: Callable[[C], Figures], *, jobs: int | None = None, on: str = "", apart: bool = False
+) -> Iterator[Run[C]]:
     """Yield what runs cells as `submit` does, on processes or a cluster that stay until the end."""
     if on:
         with ray_tasks(work, on, jobs) as run:
             yield run
-    elif (jobs or os.cpu_count() or 1) > 1:
+    elif apart or (jobs or os.cpu_count() or 1) > 1:
         with processes(work, jobs or os.cpu_count() or 1) as run:
             yield run
     else:

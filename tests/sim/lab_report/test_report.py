@@ -308,7 +308,7 @@ def test_a_failing_law_is_named_on_the_page(rows):
     law = "wallride.new.pd_follower:PdFollower"
     plan = replace(SMALL, law=f"{law}+swept", law_settings=())
     fault = f"{law} raised ValueError: no"
-    some = {f"trials {plan.law}": [{"last_reason": fault}]}
+    some = {f"trials {plan.law}": [{"law_fault": fault}]}
     assert "failed, and the car stood" in differences(plan, {**rows, **some})[0]
 
 

@@ -18,6 +18,7 @@ from optuna.trial import create_trial
 from tests.typed import typed
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.lab.tuning.drive import HELD_OUT, MUS, SCENARIOS, SampledConditions, cells, measure
+from wallride.sim.tuning import study
 from wallride.sim.tuning.command import TuningProgress, measuring, plan_of, run
 from wallride.sim.tuning.page import pareto_front
 from wallride.sim.tuning.study import FIRST_HELD_OUT_SEED, SEEDS, TuningPlan, finished, go_on, open_study
@@ -189,3 +190,10 @@ def trial(number, kp, cost):
 def test_the_front_is_what_nothing_beats_in_both():
     speed, clearance = np.array([3.0, 2.0, 2.0, 1.0, 1.5]), np.array([0.1, 0.3, 0.2, 0.5, 0.3])
     assert pareto_front(speed, clearance) == [0, 1, 3]
+
+
+def test_a_study_of_a_users_law_is_of_its_file_as_it_was(monkeypatch):
+    plan = TuningPlan("wallride.new.pd_follower:PdFollower+swept", (), (), SCENARIOS, 0)
+    before = plan.text()
+    monkeypatch.setattr(study, "file_digest", lambda _file: "changed")
+    assert plan.text() != before
