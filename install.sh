@@ -199,9 +199,11 @@ rollback() {
     now=$(target_of "$CURRENT")
     is_to_run && again=yes || again=''
     running && [ "$(shows ActiveState)" = active ] && is_usable "$now" && worked=yes || worked=''
+    trap 'say "failed: see  ls -l $VERSIONS $CURRENT, and run it again" >&2; exit 3' EXIT
     point "$earlier" "$CURRENT"
     ! is_usable "$now" || point "$now" "$VERSIONS/before"
     renew_service
+    trap - EXIT
     NOW=''
     if [ -n "$again" ] && ! start_service; then
         say "not ready: $WHY"
@@ -225,7 +227,7 @@ go_back() {
     say "not ready: $WHY"
     show_log
     if [ -z "$was_in_use" ]; then
-        say "there is no version before this one to go back to: $target stays; see  sudo journalctl -u wallride"
+        say "there is no version before this one to go back to: $target stays; run this again, or see  sudo journalctl -u wallride"
         exit 3
     fi
     say "going back to $was_in_use"

@@ -18,12 +18,12 @@ from wallride.clients.endpoints import (
     session_config,
 )
 from wallride.clients.fleet.search import at_one_endpoint
+from wallride.clients.keys.diagnosis import nothing_heard, why_refused
 from wallride.clients.played import NOTHING_DRIVES, SETTLING_S, PlayedNames
 from wallride.runtime.security.key_files import KeyFiles
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.teleop import Malformed, read_beat, session_text
-from wallride.runtime.wire.tls_diagnosis import nothing_heard, why_refused
 
 __all__ = [
     "CONNECT_VARIABLE", "Cars", "ConnectionProblemError", "another_car", "check_session", "connected",

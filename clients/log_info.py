@@ -33,7 +33,7 @@ class Info:
     kinds: dict[str, str] = field(default_factory=dict)
     times_ns: "array[int]" = field(default_factory=lambda: array("Q"))
     events: list[tuple[int, str, str]] = field(default_factory=list)
-    torn: str = ""
+    damage: list[Damage] = field(default_factory=list)
 
 
 def describe(path: Path, *, as_json: bool) -> str:
@@ -44,13 +44,14 @@ def describe(path: Path, *, as_json: bool) -> str:
     except OSError as error:
         raise ConnectionProblemError(f"{path}: cannot be read: {error.strerror or error}") from None
     if not info.counts:
-        raise ConnectionProblemError(f"{path}: holds no message{f' ({info.torn})' if info.torn else ''}")
+        raise ConnectionProblemError(f"{path}: holds no message{f' ({info.damage[0].reason})' if info.damage else ''}")
     begins_ns, ends_ns = _span_ns(info.times_ns)
     info.events = [event for event in info.events if begins_ns <= event[0] <= ends_ns]
     fields = {
         "file": str(path),
         "size_bytes": path.stat().st_size,
         "whole": whole,
+        "damaged_pieces": sum(not one.is_end for one in info.damage),
         **info.facts,
         "begins": datetime.fromtimestamp(begins_ns / NS, UTC).isoformat(timespec="milliseconds"),
         "seconds": round((ends_ns - begins_ns) / NS, 3),
@@ -76,7 +77,7 @@ def read(path: Path) -> Info:
                     info.kinds[found.topic] = found.schema or found.encoding
                     _count(info, found.topic, found.record)
                 case Damage():
-                    info.torn = found.reason
+                    info.damage.append(found)
     except UnpackingError as error:
         raise ConnectionProblemError(f"{path}: {error}") from None
     return info
@@ -111,6 +112,8 @@ def _lines(fields: dict[str, Any], info: Info) -> Iterator[str]:
     yield f"{fields['file']}   {fields['size_bytes'] / 1e6:.1f} MB"
     if not fields["whole"]:
         yield f"without its end (wallride logs recover {fields['file']})"
+    if fields["damaged_pieces"]:
+        yield f"{fields['damaged_pieces']} damaged pieces are left out"
     if info.facts:
         what = f"{info.facts.get('kind', 'recording')} {info.facts.get('reason', '')}".strip()
         yield f"{what} of {info.facts.get('car', '?')}, wallride {info.facts.get('version', '?')}"

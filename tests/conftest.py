@@ -3,6 +3,7 @@
 import gc
 import os
 import signal
+from contextlib import suppress
 from pathlib import Path
 from zlib import crc32
 
@@ -93,7 +94,9 @@ def pytest_runtest_protocol(item):
     try:
         return (yield)
     finally:
-        os.setpriority(os.PRIO_PROCESS, 0, before)
+        for thread in Path("/proc/self/task").iterdir():  # those that it began, and stay, as well
+            with suppress(ProcessLookupError):
+                os.setpriority(os.PRIO_PROCESS, int(thread.name), before)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -2,8 +2,10 @@
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from statistics import median
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -20,6 +22,8 @@ from wallride.runtime.wire import topics
 MAX_SPEED_MPS, MAX_STEERING_RAD = 1.5, 0.4
 READ = (topics.SCAN, topics.MOTOR, topics.OUTPUT, topics.STATUS)
 MAX_LATE_S = 0.4
+PERIODS = 99
+"""Scan times whose median is the sensor's: a lost or late scan makes a single one too long."""
 SETTLES_S = 0.5
 MAX_STALLS = 12
 TELL_EVERY_S = 10.0
@@ -64,6 +68,7 @@ class RemoteLink:
         self._asked: tuple[float, float] | None = None
         self._stalls = 0
         self._lost = ""
+        self._periods_s: deque[float] = deque(maxlen=PERIODS)
         self._began_s = self._told_s = math.inf
         self._settled_s = -math.inf
 
@@ -158,7 +163,7 @@ class RemoteLink:
 
     def forget(self) -> None:
         """Drop what waits since the last step."""
-        self.seen = TraceBuilder(self.seen.kind, self.seen.sweep_s)
+        self.seen = TraceBuilder(self.seen.kind, self.seen.sweep_s, self.seen.period_s)
         self._settled_s = until_s = time.monotonic() + SETTLES_S
         while time.monotonic() < until_s or not self.seen.motor:
             self.wait()
@@ -171,6 +176,9 @@ class RemoteLink:
                 seen = self.seen
                 seen.kind = sample.angle_min_rad, sample.angle_step_rad, sample.ranges_m.size
                 seen.sweep_s = abs(sample.ray_s) * (sample.ranges_m.size - 1)
+                if sample.scan_time_s > 0:
+                    self._periods_s.append(sample.scan_time_s)
+                    seen.period_s = median(self._periods_s)
                 seen.scans.append((sample.stamp_s, sample.ranges_m))
                 self._now_s = sample.stamp_s
                 return True

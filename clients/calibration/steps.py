@@ -3,8 +3,6 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from wallride.clients.calibration import ways
 from wallride.clients.calibration.ways import CalibratedCar, CalibrationError
 from wallride.runtime.calibration import proposals
@@ -169,8 +167,7 @@ def _delays(wanted: frozenset[str]) -> Callable[[CalibratedCar, CalibrationProgr
                 f"delay of the servo: {servo.delay_s.as_text('s')}",
                 f"delay of the motor: {motor.delay_s.as_text('s')}",
             ]
-            period_s = float(np.median(np.diff(part.scan_s)))
-            yield from proposals.of_delays(servo, motor, so_far.now, period_s)
+            yield from proposals.of_delays(servo, motor, so_far.now, car.seen.period_s)
 
     return run
 

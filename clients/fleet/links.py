@@ -3,16 +3,14 @@
 import argparse
 import asyncio
 import sys
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
-from typing import Any
 
 from wallride.clients.endpoints import endpoint_configs
 from wallride.runtime.ending import end
 from wallride.runtime.host.terminal_text import one_line, say
 from wallride.runtime.wire.bus import Bus
-from wallride.runtime.wire.tls_diagnosis import why_unopened
 
 RETRY_S = 0.5
 TOLD_AFTER_S = 2.0
@@ -21,10 +19,9 @@ UNANSWERED = "no answer yet; is the car or router there on?"
 
 @dataclass(eq=False, slots=True)
 class FleetLink:
-    """The session with one endpoint. config: its own; problem: why there is none, "" while there is."""
+    """The session with one endpoint. problem: why there is none, "" while there is."""
 
     bus: Bus
-    config: Mapping[str, Any]
     problem: str = UNANSWERED
 
     @property
@@ -41,7 +38,7 @@ async def fleet_links(
 
     unusable: as of `endpoint_configs`.
     """
-    links = [FleetLink(Bus(config), config) for _, config in endpoint_configs(options, unusable)]
+    links = [FleetLink(Bus(config)) for _, config in endpoint_configs(options, unusable)]
     opening = [asyncio.create_task(open_link(link)) for link in links]
     try:
         yield links
@@ -78,7 +75,7 @@ async def open_link(link: FleetLink) -> None:
         try:
             await link.bus.open()
         except OSError as error:
-            link.problem = await asyncio.to_thread(why_unopened, link.config, error)
+            link.problem = f"{error} (why: wallride status --connect {link.endpoint})"
             await asyncio.sleep(RETRY_S)
         else:
             link.problem = ""

@@ -76,8 +76,8 @@ def _role(options: argparse.Namespace) -> Role:
     if options.role is not None:
         return Role(options.role)
     people = KeyFolder(options.dir).people() if options.renew else ()
-    if known := next((entry.person for entry in people if entry.person.name == options.name), None):
-        return known.role
+    if known := next((one for one in people if one.person.name == options.name and one.revoked is None), None):
+        return known.person.role
     raise KeysError(f"{options.name}: name a role: --role {'|'.join(Role)}")
 
 

@@ -23,7 +23,7 @@ from pathlib import Path
 
 from wallride.clients.keys.authority import Authority, KeyPair
 from wallride.runtime.security.access_list import CAR_FORM, AccessEntry, KeysError, name_trouble, read_people
-from wallride.runtime.security.certificates import identity_in
+from wallride.runtime.security.certificates import CertificateIdentity, identity_in
 from wallride.runtime.security.key_files import AUTHORITY, AUTHORITY_KEY, CAR, PEOPLE, open_to_others
 from wallride.runtime.wire.zenoh_config import Person, Role
 
@@ -69,7 +69,7 @@ class KeyFolder:
                 raise KeysError(
                     f"{self.path}: has keys already; --renew makes the car's certificate anew, people keep theirs"
                 )
-            alternatives = names_of_car(car, [*_names_in(self.path / f"{CAR}.pem"), *names])
+            alternatives = names_of_car(car, [*_added(_made(self.path / f"{CAR}.pem")), *names])
             pair = self._authority().certify_car(car, alternatives, now, days)
             _store(self._place, CAR, pair, group=_service_group())
             if not (self.path / PEOPLE).exists():
@@ -94,12 +94,12 @@ class KeyFolder:
                 self._write_people(())
             folder = self.path / name
             folder.mkdir(mode=0o700, exist_ok=True)
-            known = _names_in(folder / f"{name}.pem")
-            if known and not renew and (new := [one for one in names if one not in known]):
+            made = _made(folder / f"{name}.pem")
+            alternatives = names_of_car(name, [*_added(made), *names])
+            if made is not None and not renew and (new := sorted({*alternatives} - {*made.names})):
                 raise KeysError(f"{folder}: has a certificate without {', '.join(new)}; --renew makes it anew")
-            alternatives = known if known and not renew else names_of_car(name, [*known, *names])
             with _opened(folder) as place:
-                if alternatives is not known:
+                if made is None or renew:
                     _store(place, name, self._authority().certify_car(name, alternatives, now, days))
                 _write(place, AUTHORITY, (self.path / AUTHORITY).read_bytes(), 0o644)
             return folder, alternatives
@@ -185,14 +185,18 @@ class KeyFolder:
         _write(self._place, PEOPLE, "".join(lines).encode(), 0o644)
 
 
-def _names_in(file: Path) -> list[str]:
-    """Return the names and addresses in a certificate, none where there is none."""
-    if not file.exists():
-        return []
+def _made(file: Path) -> CertificateIdentity | None:
+    """Return the identity in a certificate that is there; None for a damaged one, which is made anew."""
     try:
-        return list(identity_in(file).names)
+        return identity_in(file) if file.exists() else None
     except ValueError:
-        return []  # a damaged one is made anew
+        return None
+
+
+def _added(made: CertificateIdentity | None) -> list[str]:
+    """Return the names that a certificate has by --san."""
+    usual = names_of_car(made.name, ()) if made is not None else []
+    return [name for name in made.names if name not in usual] if made is not None else []
 
 
 def names_of_car(car: str, more: Sequence[str]) -> list[str]:

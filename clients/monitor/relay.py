@@ -41,7 +41,7 @@ class CarEndpoint:
 
     def __post_init__(self) -> None:
         self.histories = CarHistories(self.session)
-        self.link = FleetLink(Bus(self.config), self.config)
+        self.link = FleetLink(Bus(self.config))
 
     @property
     def problem(self) -> str:

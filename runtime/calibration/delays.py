@@ -15,14 +15,13 @@ from wallride.runtime.calibration.responses import (
     fit_response,
     unidentified,
 )
-from wallride.runtime.calibration.scan_motion import follow_each_other, motion_of_scans
+from wallride.runtime.calibration.scan_motion import MAX_GAP_S, follow_each_other, motion_of_scans
 from wallride.runtime.calibration.stop_match import MAX_RANGE_M
 from wallride.runtime.calibration.trace import Trace
 from wallride.runtime.control.perception.geometry import Booleans, Floats
 
 MIN_SPEED_MPS = 0.25
 MAX_ANGLE_RAD = 0.6
-MAX_GAP_S = 0.15
 MOMENT_S = 1e-3
 DELAYS_S = tuple(0.0025 * k for k in range(101))
 SERVO_RATES_RADPS = (0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5, 2.75, 3.0, 3.2, 3.5, 4.0, 5.0, 6.0, 8.0, 12.0)

@@ -19,8 +19,8 @@ from wallride.runtime.control.perception.geometry import Booleans, Floats, direc
 KEY_EVERY_M, KEY_EVERY_RAD = 0.2, 0.15
 HOLE_S = 0.5
 """Maximum gap between scans; after a longer one the car's place is unknown and a new chain begins."""
-GAP_S, GAP_PERIODS = 0.15, 2.5
-"""Gaps over which a turn is not told, in a fast lidar's time and in periods of a slow one."""
+MAX_GAP_S, MAX_GAP_PERIODS = 0.15, 2.5
+"""Gap between two scans or reports over which no motion is told, and of a slow lidar in its periods."""
 MIN_RANGE_M = 0.2
 """Minimum range; nearer returns are the car itself."""
 NORMAL_BEAMS = 3
@@ -131,7 +131,7 @@ def motion_of_scans(
 
 def follow_each_other(elapsed_s: Floats) -> Booleans:
     """Return which of the times between scans lack at most a few of them, (n,)."""
-    gap_s = max(GAP_S, GAP_PERIODS * float(np.median(elapsed_s))) if elapsed_s.size else GAP_S
+    gap_s = max(MAX_GAP_S, MAX_GAP_PERIODS * float(np.median(elapsed_s))) if elapsed_s.size else MAX_GAP_S
     return (elapsed_s > 0.0) & (elapsed_s < gap_s)
 
 

@@ -62,10 +62,11 @@ class Trace:
 
 @dataclass(slots=True, eq=False)
 class TraceBuilder:
-    """Collects a drive. kind, sweep_s: of the lidar, known from its first scan on."""
+    """Collects a drive. kind, sweep_s, period_s: of the lidar, known from its first scans on."""
 
     kind: Kind = (0.0, 0.0, 0)
     sweep_s: float = 0.0
+    period_s: float = 0.025
     scans: list[tuple[float, npt.NDArray[np.floating[Any]]]] = field(default_factory=list)
     motor: list[tuple[float, float, float, float]] = field(default_factory=list)
     """Time, distance, speed, steering."""

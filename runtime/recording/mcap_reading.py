@@ -33,7 +33,7 @@ class Damage(NamedTuple):
 
 
 class McapReader:
-    """Yields messages, metadata and damage. UnpackingError for a bomb; OSError where the file cannot be opened."""
+    """Yields messages, metadata and damage. UnpackingError for a bomb; OSError where the disk fails."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -51,7 +51,7 @@ class McapReader:
             try:
                 for record in StreamReader(file, emit_chunks=True, record_size_limit=MAX_RECORD_B).records:
                     yield from self._inside(record, unpacking, file) if isinstance(record, Chunk) else self._in(record)
-            except (UnpackingError, MemoryError):
+            except (UnpackingError, MemoryError, OSError):
                 raise
             except Exception as error:  # noqa: BLE001 - a parser that meets damage raises anything; readers are told
                 yield Damage(_reason(error), is_end=True)
@@ -86,7 +86,7 @@ class McapReader:
 
 
 def _reason(error: Exception) -> str:
-    return str(error).rstrip(".") or type(error).__name__
+    return str(error).rstrip(".") or "its end is missing"
 
 
 def _types_at_end(file: IO[bytes]) -> list[Any]:

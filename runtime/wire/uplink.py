@@ -15,7 +15,6 @@ from wallride.runtime.ending import end
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.car_bus import CarBus
 from wallride.runtime.wire.network import JSON, MAX_SAMPLE_BYTES, Receive, Reply
-from wallride.runtime.wire.tls_diagnosis import why_unopened
 
 log = logging.getLogger("wallride.uplink")
 
@@ -67,8 +66,7 @@ class Uplink:
                 await bus.open()
                 await self._attend(bus)
             except OSError as error:
-                problem = await asyncio.to_thread(why_unopened, self._config, error)
-                if problem != self.problem:
+                if self.problem != (problem := str(error)):
                     log.warning("nothing goes to a router: %s", problem)
                 self.problem = problem
                 await asyncio.sleep(RETRY_S)

@@ -12,7 +12,6 @@ from wallride.sim.recordings import CommandTrack, OdometryTrack, Recording
 from wallride.sim.recordings.scans import motion_of
 from wallride.sim.world.pose import Floats
 
-MAX_GAP_S = 0.15
 SETTLES_S = 1.0
 """Time after a change of the commanded speed in which the command says nothing about the speed."""
 APART_S = 10.0

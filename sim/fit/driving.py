@@ -13,8 +13,9 @@ from wallride.runtime.calibration.responses import (
     fit_response,
     unidentified,
 )
+from wallride.runtime.calibration.scan_motion import MAX_GAP_S
 from wallride.runtime.control.vehicle import GRAVITY_MPS2
-from wallride.sim.fit.drive import MAX_GAP_S, RecordedDrive
+from wallride.sim.fit.drive import RecordedDrive
 from wallride.sim.recordings import OdometryTrack
 
 MIN_SPEED_MPS = 0.3

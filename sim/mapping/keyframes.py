@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from wallride.runtime.calibration.scan_motion import Kind, ReferenceScan
 from wallride.runtime.calibration.stop_match import surfaces, window_sums
-from wallride.runtime.control.perception.geometry import Booleans, directions
+from wallride.runtime.control.perception.geometry import Booleans, beam_ages_s, directions
 from wallride.sim.mapping.lap_record import LapRecord
 from wallride.sim.mapping.odometry_path import MAX_RANGE_M, LidarPath
 from wallride.sim.world.pose import Floats
@@ -66,7 +66,7 @@ def swept_m(
 ) -> tuple[Floats, Floats]:
     """Return ends of beams, and whence they were sent, (2, n, beams) each, in frames (n, 3), one of each scan."""
     ahead = np.array(directions(*record.kind))[:, beams]
-    times_s = record.scan_s[scans, None] - record.ray_s * (record.kind[2] - 1.0 - beams)
+    times_s = record.scan_s[scans, None] - beam_ages_s(record.ray_s, record.kind[2], beams.astype(np.float64))
     from_poses = path.at(times_s.ravel()).reshape(*times_s.shape, 3)
     return in_one_moment(ahead[:, None] * record.ranges_m[np.ix_(scans, beams)], frames, from_poses)
 

@@ -29,7 +29,7 @@ TRUE_PERCENT: Final = 0.05
 class LapRecord:
     """A drive.
 
-    kind: of the lidar. ray_s: time from one beam to the next. scan_s: (n,), time of each scan's last beam. ranges_m:
+    kind: of the lidar. ray_s: time from one beam to the next, as of a scan. scan_s: (n,), end of each sweep. ranges_m:
     (n, beams), NaN without a distance. reports: (m, 4), time [s], way [m], speed [m/s] and steering [rad] as the motor
     controller reported them; without rows where it was not recorded. gyro: (g, 2), time [s] and yaw rate [rad/s],
     likewise. lidar_m: place of the lidar ahead of the rear axle and left of it, x + iy. world: the simulated one.

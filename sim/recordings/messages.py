@@ -81,11 +81,7 @@ class Collector:
             encoding = f" ({self.encodings[topic]})" if topic in self.encodings else ""
             tracks.notes.append(f"{count} messages on {topic} could not be decoded{encoding} and are left out.")
         for topic, scans in self.scans_by_topic.items():
-            lidar, note = _lidar(topic, scans)
-            if self.is_ours:  # its stamp is the last beam's, ROS's the first one's
-                turn_s = abs(scans[0][1].time_increment * math.tau / lidar.angle_step_rad)
-                lidar = replace(lidar, scan_time_s=turn_s)
-                lidar = replace(lidar, stamp_s=lidar.stamp_s - lidar.sweep_s)
+            lidar, note = _lidar(topic, scans, is_ours=self.is_ours)
             tracks.lidars[plain_name(topic)] = lidar
             tracks.notes.extend(note)
         for topic, rows in self.commands.items():
@@ -95,7 +91,7 @@ class Collector:
         return tracks
 
 
-def _lidar(topic: str, scans: list[tuple[int, Any]]) -> tuple[LidarTrack, list[str]]:
+def _lidar(topic: str, scans: list[tuple[int, Any]], *, is_ours: bool) -> tuple[LidarTrack, list[str]]:
     """Stack the scans of the fan that most scans have; another lidar on the same topic may have another fan."""
     fans = Counter(_fan(message) for _, message in scans)
     fan, kept = fans.most_common(1)[0]
@@ -104,6 +100,9 @@ def _lidar(topic: str, scans: list[tuple[int, Any]]) -> tuple[LidarTrack, list[s
     if kept < len(scans):
         notes.append(f"{len(scans) - kept} scans on {topic} have other beams than the other {kept} and are left out.")
     first = same[0][1]
+    turn_s, step_rad = float(first.scan_time), float(first.angle_increment)
+    if is_ours:  # its driver may have taken the motion out; and its first scan knows no other before it
+        turn_s = abs(float(first.time_increment) * math.tau / step_rad) if step_rad else 0.0
     ranges_m: npt.NDArray[np.float32] = np.stack([np.asarray(message.ranges, dtype=np.float32) for _, message in same])
     track = LidarTrack(
         topic=topic,
@@ -111,11 +110,13 @@ def _lidar(topic: str, scans: list[tuple[int, Any]]) -> tuple[LidarTrack, list[s
         stamp_s=np.array([_stamp_s(message) for _, message in same]),
         ranges_m=ranges_m,
         angle_min_rad=float(first.angle_min),
-        angle_step_rad=float(first.angle_increment),
+        angle_step_rad=step_rad,
         range_min_m=float(first.range_min),
         range_max_m=float(first.range_max),
-        scan_time_s=float(first.scan_time),
+        scan_time_s=turn_s,
     )
+    if is_ours:  # its stamps are the last beams', ROS's the first ones'
+        track = replace(track, stamp_s=track.stamp_s - track.sweep_s)
     return track, notes
 
 

@@ -7,7 +7,7 @@ import re
 import time
 
 import pytest
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 
 from tests.typed import typed
 from wallride.clients import logs
@@ -272,3 +272,20 @@ def test_the_newest_to_get_is_a_drive_and_a_black_box_only_where_it_is_asked_for
     files = [logs.ListedRecording(name, 1, name > "b", "", "whole") for name in ("a1", "a2", "b1")]
     for words, names in (((), ["a2"]), (("--last", "5"), ["a1", "a2"]), (("--black-boxes",), ["b1"])):
         assert [one.name for one in logs._chosen(files, typed("logs", "get", *words))] == names
+
+
+@pytest.mark.parametrize("piece", [0, 2])
+def test_a_damaged_piece_is_counted_and_what_is_behind_it_is_read(piece, tmp_path):
+    path, words = tmp_path / "a.mcap", [f"word {k}".encode() * 100 for k in range(5)]
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=100, compression=CompressionType.NONE)
+        writer.start()
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        channel = writer.register_channel("events", "cdr", schema)
+        for k, word in enumerate(words):
+            writer.add_message(channel, 1_800_000_000 * NS + k, word, 0)
+        writer.finish()
+    path.write_bytes(path.read_bytes().replace(words[piece], words[piece].swapcase()))
+    found = json.loads(describe(path, as_json=True))
+    assert (found["messages"], found["damaged_pieces"]) == (4, 1)
+    assert "\n1 damaged pieces are left out\n" in describe(path, as_json=False)

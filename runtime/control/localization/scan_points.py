@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from wallride.drivers.accelerated import accelerated
 from wallride.drivers.api import Scan
-from wallride.runtime.control.perception.geometry import Booleans, Floats, Places, bearings_rad
+from wallride.runtime.control.perception.geometry import Booleans, Floats, Places, beam_ages_s, bearings_rad
 
 BEAMS: Final = 180
 """Approximate number of beams that are looked at: with 45 the pose is as good, with people around the car it is not."""
@@ -99,6 +99,6 @@ def _beams(first_rad: float, step_rad: float, beams: int, ray_s: float) -> Beams
     numbers = np.arange(beams, dtype=np.float64)[::every]
     ahead: Places = np.exp(1j * bearings_rad(first_rad, step_rad, beams)[::every])
     ahead.setflags(write=False)
-    age_s: Floats = ray_s * (beams - 1.0 - numbers) if ray_s > 0.0 else -ray_s * numbers
+    age_s = beam_ages_s(ray_s, beams, numbers)
     age_s.setflags(write=False)
     return Beams(every, ahead, age_s)

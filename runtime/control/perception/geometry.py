@@ -21,6 +21,12 @@ ENOUGH_POINTS = 3
 """Minimum number of points that count as an object; fewer are noise (2 % outliers)."""
 
 
+def beam_ages_s(ray_s: float, beams: int, numbers: Floats) -> Floats:
+    """Return how long before the end of a sweep of so many beams these were sent. ray_s: as of the scan."""
+    ages_s: Floats = ray_s * (beams - 1.0 - numbers) if ray_s > 0.0 else -ray_s * numbers
+    return ages_s
+
+
 @lru_cache(maxsize=8)
 def bearings_rad(angle_min_rad: float, angle_step_rad: float, beams: int) -> Floats:
     """Return the bearing of every beam, shape (beams,), read-only; computed once per kind of lidar."""

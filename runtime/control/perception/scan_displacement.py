@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from wallride.drivers.api import Correction, Scan
-from wallride.runtime.control.perception.geometry import Booleans, Floats, Places, bearings_rad
+from wallride.runtime.control.perception.geometry import Booleans, Floats, Places, beam_ages_s, bearings_rad
 
 PATCHES = 180
 """Approximate number of patches of a scan, of any lidar."""
@@ -118,7 +118,7 @@ def places_anew(
 
     beam: place of each in a scan of so many beams.
     """
-    age_s: Floats = done.ray_s * (beams - 1.0 - beam) if done.ray_s > 0.0 else -done.ray_s * beam
+    age_s = beam_ages_s(done.ray_s, beams, beam)
     turned: Places = np.exp(1j * (done.yaw_rate_radps - wanted.yaw_rate_radps) * age_s)
     return (places_m + _moved_m(done, age_s)) * turned - _moved_m(wanted, age_s), turned
 

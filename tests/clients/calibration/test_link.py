@@ -159,3 +159,11 @@ def test_scans_that_stay_away_let_the_car_stop(monkeypatch):
     assert deadman.renewed == 1
     assert "no scan" in told[0]
     assert car.log == ["begin", (0.4, 0.1), "end", "begin", "end"]
+
+
+def test_the_sensors_own_period_counts_and_a_lost_scan_does_not():
+    car = Car([SCAN, SCAN, replace(SCAN, scan_time_s=0.05)])
+    with RemoteLink(car, Deadman(), print) as link:
+        for _ in range(3):
+            link.wait()
+    assert link.seen.period_s == 0.025

@@ -107,7 +107,7 @@ STATUS = "wallride/car1/status"
 def deaf_link(endpoint, put=None) -> Any:
     """Return a link of which only the endpoint and what is put on it matter."""
     bus: Any = SimpleNamespace(subscribe=lambda *_: None, watch=lambda *_: None, put=put, endpoint=endpoint)
-    return FleetLink(bus, {}, "")
+    return FleetLink(bus, "")
 
 
 def status_of(session, state="driving"):

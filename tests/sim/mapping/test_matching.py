@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from wallride.runtime.control.perception.geometry import bearings_rad, directions
+from wallride.runtime.control.perception.geometry import beam_ages_s, bearings_rad, directions
 from wallride.sim.mapping.closing import close_lap
 from wallride.sim.mapping.keyframes import in_one_moment, keyframes, trusted_ranges_m
 from wallride.sim.mapping.lap_record import LapRecord, record_of_log
@@ -123,3 +123,11 @@ def test_a_car_slides_on_while_a_full_brake_locks_its_wheels():
 
 def test_the_sweep_of_a_recorded_scan_is_the_drivers(dead_end):
     assert record_of_log(read_log(dead_end)).ray_s == pytest.approx(LidarSettings().ray_s)
+
+
+@pytest.mark.parametrize("ray_s", [1e-5, -1e-5, 0.0])
+def test_the_last_beam_that_was_sent_has_the_age_0(ray_s):
+    ages_s = beam_ages_s(ray_s, 11, np.arange(11.0))
+    assert ages_s.min() == 0.0
+    assert np.argmin(ages_s) == (10 if ray_s > 0.0 else 0)
+    assert ages_s.max() == pytest.approx(10 * abs(ray_s))

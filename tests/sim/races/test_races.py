@@ -2,14 +2,20 @@
 
 import json
 from functools import partial
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.typed import typed
 from wallride.sim.lab.command import LabUsageError
+from wallride.sim.races.boxes import surprises_at_s
 from wallride.sim.races.command import race_cells, race_choice, run
 from wallride.sim.races.mapped_lap import map_course, map_file
 from wallride.sim.races.race_cell import RaceCell, Racing, planned_line
+from wallride.sim.world.obstacles import Box, ConstantMotion, Obstacle, StandingObstacle, sudden_box
+from wallride.sim.world.pose import Pose
 
 options = partial(typed, "lab", "races")
 
@@ -144,3 +150,19 @@ def test_numbers_are_checked_where_they_are_written(capsys, arguments):
     with pytest.raises(SystemExit):
         options(*arguments)
     assert arguments[0] in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("box", "appeared", "surprise_s"),
+    [
+        (Obstacle(Box(0.3, 0.3), StandingObstacle(Pose(0.0, 0.0, 0.0))), [1, 1, 1], None),
+        (Obstacle(Box(0.3, 0.3), StandingObstacle(Pose(0.0, 0.0, 0.0)), ConstantMotion(1.0, 0.0, 0.7)), [1, 1, 1], 0.7),
+        (sudden_box(0.5, width_m=0.3), [0, 1, 1], 0.5),
+        (sudden_box(0.5, width_m=0.3), [0, 0, 0], None),
+    ],
+    ids=["stands", "moves", "appears", "never appears"],
+)
+def test_a_box_surprises_when_it_appears_or_begins_to_move(box, appeared, surprise_s):
+    run: Any = SimpleNamespace(appeared=np.array(appeared), time_s=np.array([0.0, 0.5, 1.0]))
+    case: Any = SimpleNamespace(obstacles=(box,))
+    assert surprises_at_s(run, case) == surprise_s

@@ -5,9 +5,6 @@ Only after zenoh failed, only with the standard library, and nothing is sent bey
 
 import socket
 import ssl
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
 
 from wallride.runtime.wire.endpoints import split_endpoint
 from wallride.runtime.wire.zenoh_config import Tls
@@ -22,15 +19,6 @@ _ALERTS = {
     "UNSUPPORTED_CERTIFICATE": "yours is not a person's certificate; use a folder from `wallride keys add NAME`",
     "CERTIFICATE_REQUIRED": "it wants a certificate; name your folder with --keys",
 }
-
-
-def why_unopened(config: Mapping[str, Any], error: OSError) -> str:
-    """Return why a session with this configuration did not open, as `why_refused` does; without keys zenoh's error."""
-    tls = config["transport"]["link"].get("tls", {})
-    names = "root_ca_certificate", "connect_certificate", "connect_private_key"
-    if any(name not in tls for name in names):
-        return str(error)
-    return why_refused(str(config["connect"]["endpoints"][0]), Tls(*(Path(tls[name]) for name in names)))
 
 
 def why_refused(endpoint: str, tls: Tls, *, timeout_s: float = 2.0) -> str:
@@ -55,8 +43,8 @@ def why_refused(endpoint: str, tls: Tls, *, timeout_s: float = 2.0) -> str:
         return f"{endpoint}: no answer; is the car on and in this network, and no firewall between?"
     except ConnectionRefusedError:
         return f"{endpoint}: the computer is there, but nothing listens; does telemetry.listen have tls/[::]:{port}?"
-    except OSError as error:
-        return f"{endpoint}: {error.strerror or error}"
+    except (OSError, ValueError) as error:  # ValueError: a name that no computer can have
+        return f"{endpoint}: {getattr(error, 'strerror', None) or error}"
 
 
 def nothing_heard(name: str, endpoint: str) -> str:

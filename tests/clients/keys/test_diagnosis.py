@@ -7,9 +7,9 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from wallride.clients.keys.authority import Authority
+from wallride.clients.keys.diagnosis import nothing_heard, why_refused
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.ports import free_endpoint
-from wallride.runtime.wire.tls_diagnosis import nothing_heard, why_refused
 from wallride.runtime.wire.zenoh_config import Person, Role, Tls, car_config
 
 
