@@ -55,7 +55,7 @@ def advise(now: PilotState, names: Mapping[Control, str] = PAD_NAMES, *, by_keys
 
 def _blocked(now: PilotState, names: Mapping[Control, str], *, by_keys: bool) -> Advice:
     allowed = ": may this certificate read it?" if by_keys else ""
-    release = _release(now, names)
+    release, other = _release(now, names), _other(now, names)
     texts = {
         DeadmanFault.WAITING: ("waiting", f"no heartbeat from the car yet{allowed}"),
         DeadmanFault.LINK: ("LINK LOST", f"{_link_lost(now)}: the car stops by itself; wait, {release}"),
@@ -63,8 +63,8 @@ def _blocked(now: PilotState, names: Mapping[Control, str], *, by_keys: bool) ->
         DeadmanFault.FROZEN: ("PAD SILENT", f"no event for {now.input_age_s:.1f} s: is the pad on and near? {release}"),
         DeadmanFault.PAUSED: ("paused", f"this program stood still: {release}"),
         DeadmanFault.RESTARTED: ("car restarted", release),
-        DeadmanFault.LATCHED: ("E-STOP", _reset(now, names)),
-        DeadmanFault.OTHER: _other(now, names),
+        DeadmanFault.LATCHED: ("E-STOP", _reset(now, names) if now.mine or not now.operator_name else other[1]),
+        DeadmanFault.OTHER: other,
         DeadmanFault.LOST: ("car lost us", f"our commands came too late: {release}"),
         DeadmanFault.REARM: ("release first", release),
     }  # fmt: skip
@@ -110,7 +110,8 @@ def _armed(now: PilotState, names: Mapping[Control, str], *, by_keys: bool) -> A
             AdviceLevel.STOPPED, "motor fault", f"hold {names[Control.RESET]} for 1 s to clear it{_progress(now)}"
         )
     ways_on = f"hold {names[Control.MANUAL]} to drive, {names[Control.AUTONOMY]} to permit autonomy"
-    return Advice(AdviceLevel.WAITING, "ready", _stands(now) + ways_on)
+    alone = "; it drives by itself as soon as it has no operator" if now.drives_alone else ""
+    return Advice(AdviceLevel.WAITING, "ready", _stands(now) + ways_on + alone)
 
 
 def _stands(now: PilotState) -> str:

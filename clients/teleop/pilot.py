@@ -99,7 +99,7 @@ class PilotState:
     mine: the car obeys this session. unminded_s: how long the car has ignored our deadman.
     holding, progress: the deliberate press under way, and how far it is (0 to 1).
     link_s: round trip of the newest question to the car; patience_s: age of a command that it refuses; NaN: unknown.
-    drives_alone: the car was seen to permit autonomy without an operator, so it drives on when we let go.
+    drives_alone: the car needs no permit, so it drives on when we let go.
     """
 
     block: DeadmanFault
@@ -142,6 +142,10 @@ class PilotState:
         return self.beat.operator_name or f"session {self.beat.operator_session:x}"
 
 
+OF_ANOTHER = DeadmanFault.OTHER, DeadmanFault.LATCHED
+"""Reasons against a deadman with which another operator may have the car: an e-stop stands before that."""
+
+
 class Pilot:
     """Turns inputs and heartbeats into commands.
 
@@ -159,7 +163,6 @@ class Pilot:
         self._beat: Beat | None = None
         self._beat_s = -math.inf
         self._restarted = False
-        self._drives_alone = False
         self._round_trip_s = math.nan
         self._stop_since_s: float | None = None
         self._owes_release = False
@@ -185,9 +188,8 @@ class Pilot:
             if (beat.beat - last.beat) & 0xFFFF_FFFF not in range(1, 0x8000_0000):
                 return
         elif last is not None:
-            self._restarted, self._drives_alone = True, False
+            self._restarted = True
         self._beat, self._beat_s = beat, arrival_s
-        self._drives_alone |= beat.operator_session == 0 and CarCondition.PERMITTED in beat.flags
         if beat.operator_session == self.session and beat.acknowledged_age_ms != UNKNOWN_AGE_MS:
             sent_s = self._sent_s.get(beat.acknowledged)
             if sent_s is not None:
@@ -221,6 +223,10 @@ class Pilot:
         return self._command(Press.GOODBYE, inputs_kind)
 
     @property
+    def _is_others(self) -> bool:
+        return self._beat is not None and self._beat.operator_session not in {0, self.session}
+
+    @property
     def _is_mine(self) -> bool:
         return self._beat is not None and self._beat.operator_session == self.session
 
@@ -240,7 +246,7 @@ class Pilot:
             DeadmanFault.LATCHED: inputs.wants_stop
             or self._stop_since_s is not None
             or CarCondition.ESTOP_LATCHED in conditions,
-            DeadmanFault.OTHER: beat.operator_session not in {0, self.session},
+            DeadmanFault.OTHER: self._is_others,
             DeadmanFault.LOST: CarCondition.OPERATOR_LOST in conditions and beat.operator_session == self.session,
             DeadmanFault.REARM: CarCondition.REARM in conditions and self._is_meant(beat, now_s),
         }
@@ -313,8 +319,8 @@ class Pilot:
             DeadmanFault.RESTARTED,
         }
         for control, press, needed in (
-            (Control.RESET, Press.RESET, beat is not None and _needs_reset(beat)),
-            (Control.TAKE_OVER, Press.TAKE_OVER, block is DeadmanFault.OTHER),
+            (Control.RESET, Press.RESET, beat is not None and _needs_reset(beat) and not self._is_others),
+            (Control.TAKE_OVER, Press.TAKE_OVER, self._is_others and block in OF_ANOTHER),
         ):
             hold = self._holds[control]
             if not inputs.live or not needed:
@@ -371,7 +377,7 @@ class Pilot:
             input_age_s=now_s - inputs.event_s,
             holding=holding,
             progress=self._holds[holding].progress(now_s) if holding is not None else 0.0,
-            drives_alone=self._drives_alone,
+            drives_alone=self._beat is not None and CarCondition.ALONE in self._beat.flags,
             link_s=self._link_s,
             patience_s=self._patience_s,
         )

@@ -61,7 +61,7 @@ STATE_OF: Final[Mapping[Observation, DrivingState]] = MappingProxyType(
 """The state after a decision, for what is true at it; the state before makes no difference."""
 
 PERMIT_AGAIN: Final = "then permit again"
-DRIVES_ON: Final = "the car then drives on by itself"
+DRIVES_ON: Final = "without an operator the car then drives on by itself"
 """What comes in place of PERMIT_AGAIN where no permit is required."""
 
 CLEARED_BY: Final[Mapping[DrivingState, str]] = MappingProxyType(

@@ -362,6 +362,7 @@ class OperatorDesk:
             holding=self._words.holding,
             incident=self._words.incident,
             permitted=now_s < self._permit.until_s and not self._emergency_stop.latched,
+            alone=self._permit.always,
         )
 
 

@@ -29,7 +29,7 @@ class DeskFacts:
 
     present, lost: the operator's commands are fresh; an operator fell silent and no client has acted since.
     must_release: a press is not obeyed, and a client that could operate presses or may do so.
-    holding, incident: as in `TeleopStatements`. permitted: autonomy may move now.
+    holding, incident: as in `TeleopStatements`. permitted: autonomy may move now. alone: it needs no permit.
     """
 
     e_stop: Mapping[Cause, str]
@@ -39,6 +39,7 @@ class DeskFacts:
     holding: OperatorState
     incident: str
     permitted: bool
+    alone: bool
 
     def standing(self) -> OperatorState:
         """Return the state of the operator's side."""
@@ -63,6 +64,7 @@ class DeskFacts:
             + self.lost * CarCondition.OPERATOR_LOST
             + self.must_release * CarCondition.REARM
             + (Cause.MOTOR in self.e_stop) * CarCondition.FAULT
+            + self.alone * CarCondition.ALONE
         )
 
 

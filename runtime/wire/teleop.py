@@ -91,10 +91,12 @@ class CarCondition(IntFlag):
     """A press now is not obeyed: release everything first, then press."""
     FAULT = 32
     """The motor controller reports a fault."""
+    ALONE = 64
+    """No permit is needed: without an operator autonomy drives on."""
 
 
 _KNOWN_PRESSES = int(Press(0b111_1111))
-_KNOWN_CONDITIONS = int(CarCondition(0b11_1111))
+_KNOWN_CONDITIONS = int(CarCondition(0b111_1111))
 
 
 @value()

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from wallride.runtime.control.own_laws.law_class import register
+from wallride.runtime.control.own_laws.law_class import is_own, register
 from wallride.runtime.host.user_module import refuse_others_than_in
 from wallride.sim.lab.sweep.drive_cell import DriveCell, LawError, drive_setup, setup_of
 from wallride.sim.virtual.closed_loop import SimulatedRun
@@ -37,7 +37,7 @@ def run(
     """
     if not isinstance(law, str):  # a class is known by its module and name from now on
         law = register("wall_follow", f"{law.__module__}:{law.__name__}", law).name
-    else:
+    elif is_own(law):
         refuse_others_than_in(Path.cwd().resolve())
     wanted = {"wall_follow.method": law, **(settings or {})}
     conditions = {"world": world, "duration_s": duration_s, "seed": seed, "vehicle.grip_mu": friction_mu}

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from tests.clients.teleop.scenes import DEAD, SESSION, Drive, flags, hands
+from wallride.clients.teleop.advice import advise
 from wallride.clients.teleop.inputs import Control
 from wallride.clients.teleop.pilot import DISTRUST, PAD_SILENT_S, PERMIT_SILENT_S, DeadmanFault
 from wallride.clients.teleop.shaping import InputShape
@@ -171,6 +172,19 @@ def test_take_over_is_shown_deliberate_and_ends_when_the_car_obeys_us(car):
     assert flags(car.hold(hands(TAKE_OVER), 0.1)) == {NOTHING}
     car.says()
     assert car.drive().flags == Press.MANUAL
+
+
+def test_a_latched_car_of_another_operator_is_taken_over_before_it_is_reset(car):
+    car.says(CarCondition.ESTOP_LATCHED, operator=5, name="bob")
+    car.hold(hands())
+    assert "to take over" in advise(car.situation).next_step
+    assert flags(car.hold(hands(RESET), 1.5)) == {NOTHING}
+    car.hold(hands())
+    assert Press.TAKE_OVER in flags(car.hold(hands(TAKE_OVER), 1.1))
+    car.says(CarCondition.ESTOP_LATCHED, operator=SESSION)
+    car.hold(hands())
+    assert "to reset" in advise(car.situation).next_step
+    assert Press.RESET in flags(car.hold(hands(RESET), 1.1))
 
 
 def test_a_deadman_held_while_another_operates_does_not_set_off_when_that_one_leaves(car):

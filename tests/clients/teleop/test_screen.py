@@ -180,10 +180,9 @@ def test_without_a_terminal_one_line_for_every_change():
 @pytest.mark.parametrize("control", [Control.MANUAL, Control.AUTONOMY])
 def test_letting_go_of_a_car_that_needs_no_permit_is_not_called_a_stop(control):
     car = Drive()
-    car.says(CarCondition.PERMITTED, operator=0)
+    car.says(CarCondition.ALONE, operator=SESSION)
     car.hold(hands())
-    car.says(operator=SESSION)
-    car.hold(hands())
+    assert advise(car.situation).next_step.endswith("; it drives by itself as soon as it has no operator")
     car.hold(hands(control))
     said = advise(car.situation).next_step
     assert "the car drives on by itself; B stops it" in said
