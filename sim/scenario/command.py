@@ -2,8 +2,10 @@
 
 import argparse
 import json
+import sys
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from rich.markup import escape
 from wallride.runtime.host.output_files import write_answer
 from wallride.runtime.host.terminal_text import USAGE_ERROR, complain
 from wallride.sim.scenario.driven import JudgedExpectation, judge, mistakes_after
-from wallride.sim.scenario.scenario_file import load_scenario
+from wallride.sim.scenario.scenario_file import Scenario, load_scenario
 from wallride.sim.scenario.toml_lines import FileMistakeError
 from wallride.sim.scenario.virtual_drive import drive_scenario
 
@@ -25,7 +27,8 @@ def run(options: argparse.Namespace) -> int:
     """Drive all files; 0 when all holds, 1 when an expectation or own law fails, 2 for a mistake, 130 after Ctrl-C."""
     console = Console(stderr=options.json == "-", highlight=False, soft_wrap=True)
     try:
-        results = [_driven(file, options.assignments, console) for file in options.files]
+        scenarios = [load_scenario(file, None, options.assignments) for file in options.files]
+        results = [_driven(file, scenario, console) for file, scenario in zip(options.files, scenarios, strict=True)]
     except FileMistakeError as error:
         return _mistaken([str(error)])
     except KeyboardInterrupt:
@@ -43,11 +46,11 @@ def _mistaken(mistakes: Sequence[str]) -> int:
     return USAGE_ERROR
 
 
-def _driven(file: Path, assignments: Sequence[str], console: Console) -> dict[str, Any]:
-    """Drive one file, print what came of it, and return it for the JSON file."""
-    scenario = load_scenario(file, None, assignments)
+def _driven(file: Path, scenario: Scenario, console: Console) -> dict[str, Any]:
+    """Drive one file's scenario, print what came of it, and return it for the JSON file."""
     began_s = time.monotonic()
-    driven = drive_scenario(scenario)
+    with redirect_stdout(sys.stderr):  # what a law prints is no answer of the program's
+        driven = drive_scenario(scenario)
     judged = judge(scenario, driven)
     took_s = time.monotonic() - began_s
     console.print(

@@ -1,8 +1,10 @@
 """End of a cell: its figures, or why it failed in one sentence."""
 
+import sys
 import time
 import traceback
 from collections.abc import Callable, Generator, Sequence
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -36,10 +38,11 @@ Run = Callable[[Sequence[C]], Ends[C]]
 
 
 def finish(index: int, cell: C, work: Callable[[C], Figures]) -> FinishedCell[C]:
-    """Run a cell and return its end, whatever it raises."""
+    """Run a cell and return its end, whatever it raises; what a law prints is no answer of the program's."""
     began_s = time.perf_counter()
     try:
-        figures, error = work(cell), ""
+        with redirect_stdout(sys.stderr):
+            figures, error = work(cell), ""
     except Exception as raised:  # noqa: BLE001 - a failing cell is a result
         figures, error = None, sentence(raised)
     return FinishedCell(index, cell, figures, error, time.perf_counter() - began_s)

@@ -17,6 +17,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from typing import Any, TypeVar
 
+from wallride.runtime.host.stop_signals import STOP_SIGNALS_HELD
 from wallride.sim.lab.cell import Figures
 from wallride.sim.lab.workers.finished_cell import MAX_TRIES, Ends, FinishedCell, Run, WorkerStartError, finish
 
@@ -163,8 +164,8 @@ def _ctrl_c_waits() -> Iterator[None]:
 
 
 def _work_off(pipe: Connection, work: Callable[[Any], Figures]) -> None:
-    """Run cells until the pipe ends; Ctrl-C is the parent's to handle."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Run cells until the pipe ends; Ctrl-C is the parent's to handle, and one here is a law's own."""
+    STOP_SIGNALS_HELD.hold(lambda: signal.signal(signal.SIGINT, signal.SIG_IGN))
     pipe.send(_READY)
     while True:
         try:

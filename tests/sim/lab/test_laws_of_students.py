@@ -1,5 +1,6 @@
 """Laws of several students, graded by one command: each is its own, and one that fails is a failure."""
 
+import json
 import subprocess
 import sys
 
@@ -64,10 +65,27 @@ def test_the_law_beside_a_scenario_is_the_one_that_is_driven(folder, tmp_path):
     [
         ("os._exit(0)", ("walls", "--method", "my_laws:Follower", *WALLS), "ended with exit code 0"),
         ("raise ValueError('no')", ("walls", "--method", "my_laws:Follower", *WALLS), "raised ValueError"),
+        ("raise KeyboardInterrupt", ("walls", "--method", "my_laws:Follower", *WALLS), "raised KeyboardInterrupt"),
         ("raise ValueError('no')", ("tune", "--method", "my_laws:Follower", *TUNE), "raised ValueError"),
     ],
-    ids=["it ends the process", "it raises", "it raises while it is tuned"],
+    ids=["it ends the process", "it raises", "it raises a Ctrl-C", "it raises while it is tuned"],
 )
 def test_a_law_that_fails_ends_with_its_sentence_and_code_1(folder, at_40, words, says):
     done = lab(folder("one", at_40), *words)
     assert (done.returncode, says in done.stderr) == (1, True), done.stderr
+
+
+def test_what_a_law_prints_is_no_part_of_the_answer(folder):
+    place = folder("one", at_40="print('here')", speed_mps=0.3)
+    for words in (("scenario", "t.toml"), ("walls", "--method", "my_laws:Follower", *WALLS)):
+        done = lab(place, *words, "--json", "-")
+        assert done.returncode == 0, done.stderr
+        assert json.loads(done.stdout)
+        assert "here" in done.stderr
+
+
+def test_a_mistake_in_a_later_scenario_is_told_before_the_first_is_driven(folder, tmp_path):
+    folder("one", speed_mps=0.3)
+    (tmp_path / "bad.toml").write_text("world = 3")
+    done = lab(tmp_path, "scenario", "one/t.toml", "bad.toml")
+    assert (done.returncode, done.stdout) == (2, ""), done.stderr
