@@ -109,9 +109,13 @@ def _armed(now: PilotState, names: Mapping[Control, str], *, by_keys: bool) -> A
         return Advice(
             AdviceLevel.STOPPED, "motor fault", f"hold {names[Control.RESET]} for 1 s to clear it{_progress(now)}"
         )
-    ways_on = f"hold {names[Control.MANUAL]} to drive, {names[Control.AUTONOMY]} to permit autonomy"
-    alone = "; it drives by itself as soon as it has no operator" if now.drives_alone else ""
-    return Advice(AdviceLevel.WAITING, "ready", _stands(now) + ways_on + alone)
+    other = (
+        "without an operator it drives by itself"
+        if now.drives_alone
+        else f"{names[Control.AUTONOMY]} to permit autonomy"
+    )
+    ways_on = f"hold {names[Control.MANUAL]} to drive, {other}"
+    return Advice(AdviceLevel.WAITING, "ready", _stands(now) + ways_on)
 
 
 def _stands(now: PilotState) -> str:

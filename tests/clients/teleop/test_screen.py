@@ -182,7 +182,7 @@ def test_letting_go_of_a_car_that_needs_no_permit_is_not_called_a_stop(control):
     car = Drive()
     car.says(CarCondition.ALONE, operator=SESSION)
     car.hold(hands())
-    assert advise(car.situation).next_step.endswith("; it drives by itself as soon as it has no operator")
+    assert advise(car.situation).next_step.endswith(", without an operator it drives by itself")
     car.hold(hands(control))
     said = advise(car.situation).next_step
     assert "the car drives on by itself; B stops it" in said
