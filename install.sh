@@ -7,7 +7,8 @@
 # Each version is a virtual environment of its own in /opt/wallride-versions; /opt/wallride is a link to the one in use,
 # switched last and at once, so that a failed installation changes nothing. A service that ran is restarted and watched;
 # where it does not become ready, the version before is put back. `wallride deploy` runs this script on the car.
-# Exit code: 0 done, 1 or 2 nothing was changed, 3 the service is not ready with the version that was to be used.
+# Exit code: 0 done, 1 or 2 nothing was changed, 3 the version that was to be used is not ready, or a step failed: its
+# words say what is in use.
 # DESTDIR: another root, for images and tests. SYSTEMCTL: another service manager, for tests.
 set -eu
 umask 022  # the service's user reads and runs what root makes here

@@ -66,7 +66,7 @@ def describe(path: Path, *, as_json: bool) -> str:
 
 
 def read(path: Path) -> Info:
-    """Read a file from its start as far as it is complete."""
+    """Read all of a file that can be read."""
     info = Info()
     try:
         for found in McapReader(path):

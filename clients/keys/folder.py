@@ -96,8 +96,10 @@ class KeyFolder:
             folder.mkdir(mode=0o700, exist_ok=True)
             made = _made(folder / f"{name}.pem")
             alternatives = names_of_car(name, [*_added(made), *names])
-            if made is not None and not renew and (new := sorted({*alternatives} - {*made.names})):
-                raise KeysError(f"{folder}: has a certificate without {', '.join(new)}; --renew makes it anew")
+            if made is not None and not renew:
+                alternatives = list(made.names)
+                if new := [one for one in names if one not in made.names]:
+                    raise KeysError(f"{folder}: has a certificate without {', '.join(new)}; --renew makes it anew")
             with _opened(folder) as place:
                 if made is None or renew:
                     _store(place, name, self._authority().certify_car(name, alternatives, now, days))
@@ -195,8 +197,10 @@ def _made(file: Path) -> CertificateIdentity | None:
 
 def _added(made: CertificateIdentity | None) -> list[str]:
     """Return the names that a certificate has by --san."""
-    usual = names_of_car(made.name, ()) if made is not None else []
-    return [name for name in made.names if name not in usual] if made is not None else []
+    if made is None:
+        return []
+    usual = names_of_car(made.name, ())
+    return [name for name in made.names if name not in usual]
 
 
 def names_of_car(car: str, more: Sequence[str]) -> list[str]:

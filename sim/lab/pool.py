@@ -9,7 +9,6 @@ from typing import TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from wallride.runtime.control.own_laws.law_class import is_own
 from wallride.sim.lab.cell import Cell, Experiment, Figures, module_of
 from wallride.sim.lab.workers.finished_cell import Ends
 from wallride.sim.lab.workers.submit import submit
@@ -58,8 +57,7 @@ def measure_all(cells: Sequence[Cell], jobs: int | None, plots: Path | None, con
     KeyboardInterrupt ends all processes; nothing is left running.
     """
     with progress_bar(cells[0].experiment, len(cells), console) as (progress, bar):
-        apart = any(map(is_own, {name for cell in cells for name in cell.law.split("+")}))
-        return in_order(submit(cells, Measuring(plots), jobs=jobs, apart=apart), lambda: progress.advance(bar))
+        return in_order(submit(cells, Measuring(plots), jobs=jobs), lambda: progress.advance(bar))
 
 
 def in_order(ends: Ends[C], advance: Callable[[], None] = lambda: None) -> list[Figures]:

@@ -11,7 +11,6 @@ import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
 from wallride.runtime.control.own_laws.law_class import is_own
-from wallride.runtime.host.user_module import UserCodeError, search_beside
 from wallride.runtime.line_files import read_raced_course
 from wallride.runtime.map_files import MapError
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
@@ -93,10 +92,7 @@ def load_scenario(path: Path, config: Path | None = None, assignments: Sequence[
         first = error.errors(include_url=False)[0]
         place = tuple(part for part in first["loc"] if part in _names_in(text.tree) or isinstance(part, int))
         raise text.mistake(place, _sentence(first)) from None
-    try:
-        search_beside(path)
-    except UserCodeError as error:
-        raise text.mistake((), str(error)) from None
+    text.search_beside()
     assignments = [*_said(path.absolute().parent, content), *assignments]
     settings = _settings(text, config, assignments, list(flat(content.settings)))
     chosen = settings.wall_follow.method, settings.safety.method, settings.lidar.driver, settings.motor.driver

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from wallride.runtime.host.text_file import TextFileError, read_text
+from wallride.runtime.host.user_module import UserCodeError, search_beside
 
 KeyPath = tuple[str | int, ...]
 _HEADER = re.compile(r"^\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
@@ -43,6 +44,13 @@ class TomlText:
     def mistake(self, place: Sequence[str | int], words: str) -> FileMistakeError:
         """Return the error about a place."""
         return FileMistakeError(f"{self.path}:{self.line_of(place)}: {words}")
+
+    def search_beside(self) -> None:
+        """Have the user's laws and drivers looked for beside the file; FileMistakeError where others are imported."""
+        try:
+            search_beside(self.path)
+        except UserCodeError as error:
+            raise self.mistake((), str(error)) from None
 
 
 def flat(tree: Mapping[str, Any], values_with: Iterable[str] = (), above: str = "") -> dict[str, Any]:

@@ -133,8 +133,6 @@ class PulseLink:
         seen, ranges_m = self.seen, scan.ranges_m.astype(np.float64)
         seen.kind = scan.angle_min_rad, scan.angle_step_rad, ranges_m.size
         seen.sweep_s = abs(scan.ray_s) * (ranges_m.size - 1)
-        if len(seen.scans) > 1:
-            seen.period_s = seen.scans[-1][0] - seen.scans[-2][0]
         seen.scans.append((scan.stamp_s, scan.ranges_m))
         self._chain = self._chain or ScanChain(seen.kind, MAX_RANGE_M)
         pose = self._chain.take(scan.stamp_s, ranges_m)

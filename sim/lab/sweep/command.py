@@ -14,7 +14,6 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from wallride.runtime.control.own_laws.law_class import is_own
 from wallride.runtime.host.output_files import write_answer
 from wallride.runtime.host.terminal_text import complain
 from wallride.sim.lab.command import INTERRUPTED, answer_console
@@ -92,10 +91,9 @@ def fill(table: RunTable, plan: SweepPlan, keys: Sequence[RunKey], workers: Work
     known = table.known()
     missing = [(cell, key) for cell, key in zip(plan.cells, keys, strict=True) if key not in known]
     cells: list[DriveCell] = [cell for cell, _ in missing]
-    methods = {str(cell.get(name, "")) for cell in cells for name in ("wall_follow.method", "safety.method")}
     with (
         progress_bar(plan.text.path.stem, len(keys), console) as (progress, bar),
-        closing(submit(cells, measure, jobs=workers.jobs, on=workers.on, apart=any(map(is_own, methods)))) as ended,
+        closing(submit(cells, measure, jobs=workers.jobs, on=workers.on)) as ended,
     ):
         progress.advance(bar, len(keys) - len(missing))
         for done in ended:

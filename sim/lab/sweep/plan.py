@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from wallride.runtime.host.user_module import UserCodeError, search_beside
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.lab.sweep.drive_cell import (
     CONDITIONS,
@@ -63,10 +62,7 @@ def read_plan(path: Path, shared: Mapping[str, Any] | None = None) -> SweepPlan:
     text = read_toml(path)
     if not text.tree:
         raise text.mistake((), "declares nothing; docs/sweeps.md has a sweep to start from")
-    try:
-        search_beside(path)
-    except UserCodeError as error:
-        raise text.mistake((), str(error)) from None
+    text.search_beside()
     tree = dict(text.tree)
     seeds = _seeds(text, tree.pop(SEEDS, None))
     grid = {name: _choices(text, name, value) for name, value in _named(text, GRID, tree.pop(GRID, {})).items()}

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TypeVar
 
+from wallride.runtime.control.own_laws.law_class import loaded_files
 from wallride.sim.lab.cell import Figures
 from wallride.sim.lab.workers.finished_cell import Ends, Run, finish
 from wallride.sim.lab.workers.local_pool import processes
@@ -18,31 +19,25 @@ from wallride.sim.lab.workers.ray_cluster import ray_tasks
 C = TypeVar("C")
 
 
-def submit(
-    cells: Sequence[C], work: Callable[[C], Figures], *, jobs: int | None = None, on: str = "", apart: bool = False
-) -> Ends[C]:
+def submit(cells: Sequence[C], work: Callable[[C], Figures], *, jobs: int | None = None, on: str = "") -> Ends[C]:
     """Yield the end of every cell as it comes; each exactly once.
 
-    jobs: processes, None for one per core. One process is this one, but with apart, for code that may end its process.
+    jobs: processes, None for one per core. One process is this one, but for laws of the user, which may end theirs.
     on: "" for this machine's processes, "ray" for a Ray cluster on this machine, or the address of one. An abandoned
     generator (KeyboardInterrupt, `close`) ends all workers. Raises WorkerStartError where no worker comes up.
     """
     if cells:
-        with workers(
-            work, jobs=jobs if on else min(jobs or os.cpu_count() or 1, len(cells)), on=on, apart=apart
-        ) as run:
+        with workers(work, jobs=jobs if on else min(jobs or os.cpu_count() or 1, len(cells)), on=on) as run:
             yield from run(cells)
 
 
 @contextmanager
-def workers(
-    work: Callable[[C], Figures], *, jobs: int | None = None, on: str = "", apart: bool = False
-) -> Iterator[Run[C]]:
+def workers(work: Callable[[C], Figures], *, jobs: int | None = None, on: str = "") -> Iterator[Run[C]]:
     """Yield what runs cells as `submit` does, on processes or a cluster that stay until the end."""
     if on:
         with ray_tasks(work, on, jobs) as run:
             yield run
-    elif apart or (jobs or os.cpu_count() or 1) > 1:
+    elif loaded_files() or (jobs or os.cpu_count() or 1) > 1:
         with processes(work, jobs or os.cpu_count() or 1) as run:
             yield run
     else:
