@@ -10,8 +10,9 @@ import os
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.machinery import ModuleSpec, PathFinder
+from modulefinder import ModuleFinder
 from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Final
@@ -102,6 +103,15 @@ def as_user_code_error(*passed: type[Exception]) -> Iterator[None]:
         if is_of_the_process(error):
             raise
         raise UserCodeError(f"{place_of(error, None)}: {told(error)}") from None
+
+
+def files_of(name: str, file: Path) -> tuple[Path, ...]:
+    """Return the file of a module and those of the user that it imports, and they, anywhere in their code."""
+    finder = ModuleFinder([str(folder) for folder in _folders], excludes=["wallride"])
+    with suppress(Exception):  # what it cannot read or find was not imported either, or is of a notebook
+        finder.import_hook(name)
+    found = (getattr(module, "__file__", None) for module in finder.modules.values())
+    return tuple(sorted({file, *map(Path, filter(None, found))}))
 
 
 def file_of(module: ModuleType) -> Path:

@@ -48,11 +48,10 @@ def check(law: str) -> str:
 
 
 def own_law_files(law: str) -> list[Path]:
-    """Return the files of a law that are the user's: of its follower, of its safety."""
+    """Return the files of a law that are the user's: of its follower, of its safety, of what they import."""
     follower, _, guard = law.partition("+")
-    return [
-        load_law(section, name).file for section, name in (("wall_follow", follower), ("safety", guard)) if is_own(name)
-    ]
+    chosen = [(section, name) for section, name in (("wall_follow", follower), ("safety", guard)) if is_own(name)]
+    return [file for section, name in chosen for file in load_law(section, name).files]
 
 
 def settings_of(law: str, side: Side, desired_m: float, speed_mps: float, assignments: Sequence[str] = ()) -> Settings:

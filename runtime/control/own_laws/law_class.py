@@ -9,7 +9,7 @@ from typing import Any
 from wallride.runtime.control.own_laws.api import LawSettings
 from wallride.runtime.host import user_class
 from wallride.runtime.host.user_class import NAME, OWN_TAG, file_of_class, import_class, line_of, model_of, takes
-from wallride.runtime.host.user_module import UserCodeError, shown
+from wallride.runtime.host.user_module import UserCodeError, files_of, shown
 
 __all__ = [
     "ANSWERS", "NAME", "OWN_TAG", "LawClass", "checked_name", "is_own", "known_law", "load_law", "loaded",
@@ -21,7 +21,10 @@ ANSWERS: Mapping[str, str] = {"wall_follow": "follow", "safety": "limit"}
 
 @dataclass(frozen=True, slots=True)
 class LawClass:
-    """An imported law. answer: name of its method. model: the class of its settings. file, line: of the method."""
+    """An imported law. answer: name of its method. model: the class of its settings. file, line: of the method.
+
+    files: that one and those of the user's modules that it imports.
+    """
 
     name: str
     made: type[Any]
@@ -29,6 +32,7 @@ class LawClass:
     model: type[LawSettings]
     file: Path
     line: int
+    files: tuple[Path, ...]
 
     @property
     def place(self) -> str:
@@ -50,8 +54,8 @@ def loaded(section: str) -> tuple[str, ...]:
 
 
 def loaded_files() -> tuple[Path, ...]:
-    """Return the files of all own laws that this process has imported."""
-    return tuple(sorted({law.file for law in _loaded.values()}))
+    """Return the files of all own laws that this process has imported, and of the user's modules that they import."""
+    return tuple(sorted({file for law in _loaded.values() for file in law.files}))
 
 
 def known_law(section: str, name: str) -> LawClass | None:
@@ -86,6 +90,6 @@ def register(section: str, name: str, made: type[Any]) -> LawClass:
     if not takes(made, 2):
         raise UserCodeError(f"{here} must be made from (settings, car); write __init__(self, settings, car)")
     model = model_of(made, here, LawSettings, "wallride.laws.LawSettings")
-    law = LawClass(name, made, answer, model, file, line_of(method))
+    law = LawClass(name, made, answer, model, file, line_of(method), files_of(name.partition(":")[0], file))
     _loaded[section, name] = law
     return law

@@ -13,7 +13,6 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from wallride.runtime.control.laws import LawStack, own_law_mistakes
-from wallride.runtime.control.own_laws.law_class import is_own, load_law
 from wallride.runtime.line_files import files_of_course, read_raced_course
 from wallride.runtime.map_files import read_settings
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings
@@ -21,7 +20,7 @@ from wallride.sim.car.vehicle_settings import VehicleSettings
 from wallride.sim.lab.cell import Figures
 from wallride.sim.lab.figures import common, errors
 from wallride.sim.lab.laps import lap_times_s
-from wallride.sim.lab.laws import check
+from wallride.sim.lab.laws import check, own_law_files
 from wallride.sim.scenario.obstacle_text import read_obstacle
 from wallride.sim.scenario.scenario_file import MAX_START_TO_WALL_M
 from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, Case, SimulatedRun, drive
@@ -88,16 +87,14 @@ class DriveSetup:
 
     def digest(self) -> str:
         """Return a hash of all that decides the drive besides the cell and the code: defaults, own laws, maps."""
+        law = f"{self.settings.wall_follow.method}+{self.settings.safety.method}"
         parts = [
             json.dumps(self.settings.model_dump(mode="json"), sort_keys=True),
             self.case.vehicle.model_dump_json(),
             self.case.lidar.model_dump_json(),
-            *(file_digest(load_law(section, name).file) for section, name in self._laws() if is_own(name)),
+            *map(file_digest, own_law_files(law)),
         ]
         return digest("\n".join(parts))
-
-    def _laws(self) -> tuple[tuple[str, str], ...]:
-        return ("wall_follow", self.settings.wall_follow.method), ("safety", self.settings.safety.method)
 
 
 def digest(text: str) -> str:

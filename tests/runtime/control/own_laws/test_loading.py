@@ -4,6 +4,7 @@ import pytest
 
 from tests.own_laws import HEAD, INIT, STRAIGHT, law_file
 from wallride.runtime.control.method_settings import METHODS, name_of
+from wallride.runtime.control.own_laws.law_class import loaded_files
 from wallride.runtime.settings.tree import SettingsError, load_settings
 
 __all__ = ["law_file"]
@@ -71,3 +72,14 @@ def test_what_the_settings_of_a_law_raise_is_a_refusal_with_its_line(law_file):
     head += "    def model_post_init(self, _):\n        if self.gain == 13: raise SystemExit(0)\n"
     name = law_file(f"Settings = Own\n{STRAIGHT}", head=head)
     assert "SystemExit" in refusal(f"wall_follow.method={name}", "wall_follow.own.gain=13")
+
+
+def test_the_files_of_a_law_are_its_own_and_those_of_the_users_that_it_imports(law_file, tmp_path):
+    (tmp_path / "tools_22").mkdir()
+    written = [tmp_path / name for name in ("gains_22.py", "tools_22/__init__.py", "tools_22/fit.py")]
+    for file in written:
+        file.write_text("import math, gains_22\n")
+    (tmp_path / "unused_22.py").write_text("")
+    name = law_file(STRAIGHT, head=f"{HEAD}def later():\n    from tools_22 import fit\n")
+    load_settings(None, [f"wall_follow.method={name}"], laws=True)
+    assert set(loaded_files()) == {*written, tmp_path / f"{name[:-4]}.py"}
