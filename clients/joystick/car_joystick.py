@@ -8,7 +8,7 @@ from typing import Final, Never
 
 from wallride.clients.joystick.devices import LinuxPads
 from wallride.clients.teleop.pads import Layout
-from wallride.clients.teleop.pilot import Pilot
+from wallride.clients.teleop.pilot import DeadmanFault, Pilot
 from wallride.clients.teleop.shaping import InputShape
 from wallride.clients.teleop.sources import PLUG_IN, PadSource
 from wallride.runtime.wire.teleop import read_beat
@@ -18,6 +18,7 @@ log = logging.getLogger("wallride.joystick")
 NAME: Final = "the pad on the car"
 GONE_S: Final = 0.5
 """How long a pad that is gone is reported; then the desk loses this operator, and another one may drive."""
+SILENT: Final = "the pad is silent: is it on? Release everything, move a stick, press again; move it now and then"
 
 
 class CarJoystick:
@@ -47,12 +48,16 @@ class CarJoystick:
     def command(self, now_s: float) -> bytes | None:
         """Return the command to the desk, at the rate of the heartbeats; None without a pad."""
         inputs = self._source.poll(now_s, ready=True)
-        self._tell(f"{inputs.device}: hold LB to drive, RB to permit" if inputs.live else inputs.trouble)
         if inputs.live:
             self._live_s = now_s
         elif now_s - self._live_s > GONE_S:
+            self._tell(inputs.trouble)
             return None
-        return self._pilot.step(inputs, now_s).pack()
+        command, state = self._pilot.step(inputs, now_s), self._pilot.situation
+        is_silent = state is not None and not state.armed and state.closed_by is DeadmanFault.FROZEN
+        ready = SILENT if is_silent else f"{inputs.device}: hold LB to drive, RB to permit"
+        self._tell(ready if inputs.live else inputs.trouble)
+        return command.pack()
 
     def _tell(self, words: str) -> None:
         if words != self._told:

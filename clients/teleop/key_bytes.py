@@ -10,6 +10,8 @@ from wallride.clients.teleop.keyboard import Act, Key, KeyEvent, Quit, TerminalA
 
 ASK = b"\x1b[?u"
 """The terminal answers with its flags, if it knows the protocol."""
+RELEASES = 2 | 8
+"""Flags of a terminal that tells the release of every key; some know the protocol and grant less."""
 ENTER = b"\x1b[>11u\x1b[?1004h"
 LEAVE = b"\x1b[?1004l\x1b[<u"
 LONE_ESCAPE_S = 0.1
@@ -51,7 +53,7 @@ class KeyBytes:
             elif UNFINISHED.fullmatch(self._waiting):
                 if now_s - self._since_s >= LONE_ESCAPE_S:
                     self._waiting = b""
-                    events.append(Key("escape"))
+                    events += _plain(b"\x1b")
                 break
             else:
                 byte, self._waiting = self._waiting[:1], self._waiting[1:]
@@ -61,18 +63,18 @@ class KeyBytes:
 
 def _plain(byte: bytes) -> list[KeyEvent]:
     if byte == b"\x1b":
-        return [Key("escape")]
+        return [Key("escape", Act.TYPED)]
     if byte in {b"\x03", b"\x04"}:
         return [Quit()]
     if byte == b" ":
-        return [Key("space")]
-    return [Key(byte.decode().lower())] if byte.isalpha() else []
+        return [Key("space", Act.TYPED)]
+    return [Key(byte.decode().lower(), Act.TYPED)] if byte.isalpha() else []
 
 
 def _sequence(match: re.Match[bytes]) -> list[KeyEvent]:
     if match["letter"] is not None:
         letter = match["letter"].decode()
-        return [Key(ARROWS[letter])] if letter in ARROWS else []
+        return [Key(ARROWS[letter], Act.TYPED)] if letter in ARROWS else []
     final, numbers = match["final"].decode(), match["numbers"].decode()
     if match["mark"]:
         return [TerminalAnswer(_int(numbers, 0))] if (match["mark"], final) == (b"?", "u") else []

@@ -30,6 +30,8 @@ class Act(StrEnum):
     PRESS = "press"
     REPEAT = "repeat"
     RELEASE = "release"
+    TYPED = "typed"
+    """A plain character: pasted, or of a terminal that reports no releases."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,10 +104,13 @@ class HeldKeys:
         self._event_s = self._stop_s = -math.inf
 
     def feed(self, event: KeyEvent, now_s: float) -> None:
-        """Process one event."""
+        """Process one event. Held is what was seen to go down: what repeats or was typed may have no release."""
         match event:
             case Key(name, act):
-                (self._down.discard if act is Act.RELEASE else self._down.add)(name)
+                if act is Act.PRESS:
+                    self._down.add(name)
+                elif act is Act.RELEASE:
+                    self._down.discard(name)
                 self._event_s = now_s
                 if act is not Act.RELEASE and name in BUTTON_KEYS[Control.ESTOP]:
                     self._stop_s = now_s
@@ -120,20 +125,20 @@ class HeldKeys:
     def inputs(self, now_s: float) -> Inputs:
         """Return what is held now."""
         trouble = ""
+        stop = frozenset({Control.ESTOP} if now_s - self._stop_s <= REPEAT_GAP_S else ())
         if not self._focused:
             trouble = "the keyboard is elsewhere: click here"
         elif self._answers and now_s - self._answered_s > SILENT_TERMINAL_S:
             trouble = "the terminal does not answer: it could not tell us of a released key"
             self._down.clear()
         if trouble:
-            stop = frozenset({Control.ESTOP} if now_s - self._stop_s <= REPEAT_GAP_S else ())
             return Inputs(Input.KEYBOARD, live=False, pressed=stop, device=self._device, trouble=trouble)
         moves = [DIRECTIONS[name] for name in self._down if name in DIRECTIONS]
         return Inputs(
             Input.KEYBOARD,
             live=True,
             event_s=self._event_s,
-            pressed=frozenset(control for control, keys in BUTTON_KEYS.items() if keys & self._down),
+            pressed=stop | {control for control, keys in BUTTON_KEYS.items() if keys & self._down},
             speed=_clamp(sum(speed for speed, _ in moves)),
             steering=_clamp(sum(steering for _, steering in moves)),
             device=self._device,

@@ -128,6 +128,7 @@ class PadSource:
         self._own = own
         self._wanted = wanted.lower()
         self._there: dict[int, gamepad.PadConnected] = {}
+        self._states: dict[int, PadState] = {}
         self._unusable: dict[int, str] = {}
         self._pad: int | None = None
         self._layout: Layout | None = None
@@ -157,15 +158,18 @@ class PadSource:
     def _take(self, happening: gamepad.Happening, now_s: float) -> None:
         match happening:
             case gamepad.PadConnected(pad):
-                self._there[pad] = happening
+                self._there[pad], self._states[pad] = happening, PadState()
+                for axis, value in enumerate(happening.rest):
+                    self._states[pad].rest(axis, value)
             case gamepad.Gone(pad):
                 self._there.pop(pad, None)
+                self._states.pop(pad, None)
                 self._unusable.pop(pad, None)
                 if pad == self._pad:
                     self._pad = None
-            case gamepad.PadMoved(pad, event) if pad == self._pad:
-                self._state.apply(event, now_s)
-                if self._mode is not None:
+            case gamepad.PadMoved(pad, event) if pad in self._states:  # also before it is adopted: what is held is held
+                self._states[pad].apply(event, now_s)
+                if pad == self._pad and self._mode is not None:
                     self._mode.watch(event)
             case _:
                 pass
@@ -182,9 +186,7 @@ class PadSource:
             except LayoutError as error:
                 self._unusable[pad] = str(error)
                 continue
-            self._pad, self._state = pad, PadState()
-            for axis, value in enumerate(found.rest):
-                self._state.rest(axis, value)
+            self._pad, self._state = pad, self._states[pad]
             stick = self._layout.bindings[Control.SPEED].index
             self._mode = ModeWatch(stick) if usb in FAMILY else None
             return

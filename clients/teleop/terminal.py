@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import signal
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -52,12 +53,14 @@ else:
             self._before: list[Any] | None = None
 
         def open(self) -> None:
-            """Take keys one by one, without echo; Ctrl-C stays a signal."""
+            """Take keys one by one, without echo; Ctrl-C stays a signal. A shell has set its own mode after Ctrl-Z."""
             self._before = termios.tcgetattr(self._fd)
-            tty.setcbreak(self._fd)
+            self._take_keys()
+            signal.signal(signal.SIGCONT, self._take_keys)
 
         def close(self) -> None:
             """Put everything back."""
+            signal.signal(signal.SIGCONT, signal.SIG_DFL)
             if self._before is not None:
                 with contextlib.suppress(termios.error, OSError):  # the terminal may be gone
                     termios.tcsetattr(self._fd, termios.TCSADRAIN, self._before)
@@ -71,6 +74,10 @@ else:
                 return os.read(self._fd, 4096) or None
             except OSError:
                 return None
+
+        def _take_keys(self, *_: object) -> None:
+            with contextlib.suppress(termios.error, OSError):
+                tty.setcbreak(self._fd)
 
     Console = PosixConsole
 
@@ -91,10 +98,11 @@ class Terminal:
 
     def __enter__(self) -> "Terminal":
         self._console.open()
-        if self._want_releases:
-            self.releases = self._knows_releases()
-            if self.releases:
-                _write(key_bytes.ENTER)
+        if self._want_releases and self._flags() is not None:
+            _write(key_bytes.ENTER)
+            self.releases = (self._flags() or 0) & key_bytes.RELEASES == key_bytes.RELEASES
+            if not self.releases:
+                _write(key_bytes.LEAVE)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -113,16 +121,18 @@ class Terminal:
             return [Quit()]
         return self._bytes.feed(chunk, now_s)
 
-    def _knows_releases(self) -> bool:
+    def _flags(self) -> int | None:
+        """Return what the terminal grants of kitty's protocol, None without an answer."""
         _write(key_bytes.ASK)
         give_up_s = self._clock() + ANSWER_TIMEOUT_S
         while (left_s := give_up_s - self._clock()) > 0:
             chunk = self._console.read(left_s)
             if not chunk:
-                return False
-            if any(isinstance(event, TerminalAnswer) for event in self._bytes.feed(chunk, self._clock())):
-                return True
-        return False
+                return None
+            for event in self._bytes.feed(chunk, self._clock()):
+                if isinstance(event, TerminalAnswer):
+                    return event.flags
+        return None
 
 
 def is_there() -> bool:

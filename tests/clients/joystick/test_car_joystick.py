@@ -7,7 +7,7 @@ import pytest
 
 from tests.clients.joystick.fake_pads import F710_D, KEYBOARD, LB, RB, RIGHT_X, START, B, FakePad, Y
 from tests.runtime.operator_rig import AUTO_MPS, BEAT_S, Rig
-from wallride.clients.joystick.car_joystick import GONE_S, CarJoystick
+from wallride.clients.joystick.car_joystick import GONE_S, SILENT, CarJoystick
 from wallride.clients.joystick.devices import MAX_TRIES, LinuxPads
 from wallride.clients.joystick.evdev import EV_ABS, EV_KEY
 from wallride.clients.teleop.pilot import PAD_SILENT_S
@@ -132,13 +132,19 @@ def test_a_pad_that_comes_back_drives_after_a_release_alone(held, car):
     car.grab(pad)
 
 
-def test_a_pad_that_falls_silent_stops_the_car(car):
+def test_a_pad_that_falls_silent_stops_the_car(car, caplog):
+    caplog.set_level("INFO", "wallride.joystick")
     pad = car.plug()
     car.grab(pad)
     car.jitters = False  # switched off: its dongle stays, and the last state with it
     speeds = car.go_on(PAD_SILENT_S + 0.5)
     assert speeds[round(0.9 / BEAT_S)] == 2.0
     assert set(speeds[round((PAD_SILENT_S + 0.1) / BEAT_S):]) == {0.0}  # fmt: skip
+    pad.hold()
+    pad.push(0.0)
+    car.go_on()
+    told = [record.message for record in caplog.records if record.name == "wallride.joystick"]
+    assert told[-2:] == [SILENT, "Logitech F710 (X): hold LB to drive, RB to permit"]
 
 
 def test_a_reader_that_hangs_is_a_lost_operator(car):

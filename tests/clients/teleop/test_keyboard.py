@@ -49,6 +49,16 @@ def test_a_release_counts_at_once_and_a_lost_focus_releases_everything():
     assert keys.inputs(1.2).released
 
 
+@pytest.mark.parametrize("act", [Act.TYPED, Act.REPEAT])
+def test_what_was_not_seen_to_go_down_is_not_held_but_a_typed_space_stops(act):
+    keys = HeldKeys("keys")
+    for name in ("p", "shift", "w", "space"):
+        keys.feed(Key(name, act), 1.0)
+    assert keys.inputs(1.1).pressed == {Control.ESTOP}
+    assert keys.inputs(1.1).speed == 0
+    assert keys.inputs(1.2).released
+
+
 def test_a_terminal_that_does_not_answer_is_not_believed():
     keys = HeldKeys("keys", answers=True)
     assert not keys.inputs(1.0).live
@@ -117,11 +127,11 @@ def test_the_space_bar_stops_at_the_first_stroke_and_permit_needs_repeats():
 
 
 BYTES: dict[bytes, list[KeyEvent]] = {
-    b"w": [Key("w")],
-    b"W": [Key("w")],
-    b" ": [Key("space")],
+    b"w": [Key("w", Act.TYPED)],
+    b"W": [Key("w", Act.TYPED)],
+    b" ": [Key("space", Act.TYPED)],
     b"\x1b[A": [Key("up")],
-    b"\x1bOD": [Key("left")],
+    b"\x1bOD": [Key("left", Act.TYPED)],
     b"\x1b[1;2C": [Key("right")],
     b"\x1b[1;1:3B": [Key("down", Act.RELEASE)],
     b"\x1b[119u": [Key("w")],
@@ -132,8 +142,8 @@ BYTES: dict[bytes, list[KeyEvent]] = {
     b"\x1b[57447;2:3u": [Key("shift", Act.RELEASE)],
     b"\x1b[32u": [Key("space")],
     b"\x1b[27u": [Key("escape")],
-    b"\x1bs": [Key("escape"), Key("s")],
-    b"\x1b\x1b[A": [Key("escape"), Key("up")],
+    b"\x1bs": [Key("escape", Act.TYPED), Key("s", Act.TYPED)],
+    b"\x1b\x1b[A": [Key("escape", Act.TYPED), Key("up")],
     b"\x1bOP": [],
     b"\x1bO2P": [],
     b"\x1bOa": [],
@@ -176,7 +186,7 @@ def test_a_lone_escape_is_the_key_after_a_moment():
     reader = KeyBytes()
     assert reader.feed(b"\x1b", 1.0) == []
     assert reader.feed(b"", 1.05) == []
-    assert reader.feed(b"", 1.11) == [Key("escape")]
+    assert reader.feed(b"", 1.11) == [Key("escape", Act.TYPED)]
 
 
 @pytest.mark.parametrize("more", [b"[", b"O", b"O1"])
@@ -184,11 +194,11 @@ def test_an_escape_with_a_key_that_begins_a_sequence_is_the_key_after_a_moment(m
     reader = KeyBytes()
     assert reader.feed(b"\x1b", 1.0) == []
     assert reader.feed(more, 1.05) == []
-    assert reader.feed(b"", 1.16) == [Key("escape")]
-    assert reader.feed(b"w", 1.2) == [Key("w")]
+    assert reader.feed(b"", 1.16) == [Key("escape", Act.TYPED)]
+    assert reader.feed(b"w", 1.2) == [Key("w", Act.TYPED)]
 
 
 def test_an_escape_that_is_held_is_the_key_from_its_second_byte_on():
     reader = KeyBytes()
     assert reader.feed(b"\x1b", 1.0) == []
-    assert reader.feed(b"\x1b", 1.03) == [Key("escape")]
+    assert reader.feed(b"\x1b", 1.03) == [Key("escape", Act.TYPED)]

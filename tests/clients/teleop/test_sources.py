@@ -71,6 +71,14 @@ def test_the_other_pad_takes_its_turn_only_after_a_moment_without_any():
     assert feed(source, sdl, *(PadMoved(1, event) for event in D_DRIVE)).device == "Logitech F710 (D)"
 
 
+def test_what_is_held_when_a_pad_is_plugged_in_is_held():
+    sdl = Queue()
+    source = sources.PadSource(sdl, {})
+    held = [PadMoved(0, Button(index, pressed=True)) for index in (1, 4)]
+    feed(source, sdl, X_PAD, *held)
+    assert feed(source, sdl).pressed == {Control.ESTOP, Control.MANUAL}
+
+
 def test_an_unknown_pad_is_named_with_the_way_out_and_a_wanted_one_is_waited_for():
     sdl = Queue()
     assert "--map" in feed(sources.PadSource(sdl, {}), sdl, UNKNOWN).trouble

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import signal
 import sys
 import threading
 import time
@@ -69,9 +70,11 @@ def test_a_terminal_without_kittys_protocol_gives_keys_at_once_and_is_put_back(p
     with Terminal(time.monotonic, want_releases=True) as terminal:
         assert not terminal.releases
         os.write(emulator.master, b"w")
-        eventually(terminal.poll, Key("w"))
+        eventually(terminal.poll, Key("w", Act.TYPED))
+        termios.tcsetattr(emulator.slave, termios.TCSANOW, before)  # as a shell does at Ctrl-Z
+        os.kill(os.getpid(), signal.SIGCONT)
         os.write(emulator.master, b"\x1b[A ")
-        eventually(terminal.poll, Key("space"))
+        eventually(terminal.poll, Key("space", Act.TYPED))
     assert termios.tcgetattr(emulator.slave) == before
 
 
@@ -82,11 +85,15 @@ def test_kittys_protocol_is_used_and_left_where_the_terminal_answers(plugged):
         os.write(emulator.master, b"\x1b[119;1:3u")
         eventually(terminal.poll, Key("w", Act.RELEASE))
         eventually(terminal.poll, TerminalAnswer(11))
-    give_up_s = time.monotonic() + 5
-    while not emulator.got.endswith(key_bytes.LEAVE) and time.monotonic() < give_up_s:
-        time.sleep(0.002)
+    eventually(lambda: [emulator.got.endswith(key_bytes.LEAVE)], True)
     assert key_bytes.ENTER in emulator.got
-    assert emulator.got.endswith(key_bytes.LEAVE)
+
+
+def test_a_terminal_that_grants_less_of_kittys_protocol_is_one_without_releases(plugged):
+    emulator = plugged(Emulator(answer=b"\x1b[?1u"))
+    with Terminal(time.monotonic, want_releases=True) as terminal:
+        assert not terminal.releases
+    eventually(lambda: [emulator.got.endswith(key_bytes.LEAVE)], True)
 
 
 def test_a_screen_whose_terminal_is_gone_says_so():
