@@ -79,7 +79,7 @@ def _calibrate(options: argparse.Namespace) -> int:
             return RemoteLink(car, deadman, say)
 
         so_far, measured = begin(now, options.wheelbase)
-        if (options.yes or OUTLINE not in wanted) and (why := _refusal(so_far.now)):
+        if (options.yes or OUTLINE not in wanted) and (why := refusal(so_far.now)):
             raise CalibrationError(f"{why}; measure the outline in the same run")
         measured += drive_steps(open_link, driven_steps(wanted), so_far, always=options.yes)
         if SPEED in wanted and so_far.arcs is not None and so_far.arcs.fit.speed_factor.why and not options.yes:
@@ -118,7 +118,7 @@ def finish(
         known = {**now, **_values(measured)}
         for _ in range(TRIES):
             outline = _outline(known)
-            if not (why := _refusal({**known, **_values(outline)})):
+            if not (why := refusal({**known, **_values(outline)})):
                 break
             say(f"  {why}")
         measured += outline
@@ -213,12 +213,12 @@ def _values(measured: Sequence[Proposal]) -> dict[str, float]:
 def _outline_m(now: Mapping[str, float], name: str, text: str) -> float:
     """Return a length of the outline; ValueError for one that the car's settings refuse."""
     length_m = _length_m(text)
-    if why := _refusal({**now, name: length_m}):
+    if why := refusal({**now, name: length_m}):
         raise ValueError(f"{text}: {why}")
     return length_m
 
 
-def _refusal(values: Mapping[str, float]) -> str:
+def refusal(values: Mapping[str, float]) -> str:
     """Return why the car's settings refuse these values, "" where they do not."""
     section = {key.removeprefix("car."): value for key, value in values.items() if key.startswith("car.")}
     try:

@@ -147,7 +147,9 @@ class RemoteLink:
                 hand.__exit__(None, None, None)
         self._tell(f"  {why}: the car stops. {self._deadman.again}")
         self._deadman.renew()
+        self._settle()
         self._take_hand()
+        self._tell("  it goes on")
 
     def _take_hand(self) -> None:
         """Begin to drive; a car that still counts us as lost frees us a moment later."""
@@ -161,12 +163,16 @@ class RemoteLink:
             else:
                 return
 
-    def forget(self) -> None:
-        """Drop what waits since the last step."""
-        self.seen = TraceBuilder(self.seen.kind, self.seen.sweep_s, self.seen.period_s)
+    def _settle(self) -> None:
+        """Take what waits: it is of a while ago, neither the car's present state nor time in which it drove."""
         self._settled_s = until_s = time.monotonic() + SETTLES_S
         while time.monotonic() < until_s or not self.seen.motor:
             self.wait()
+
+    def forget(self) -> None:
+        """Drop what waits since the last step."""
+        self.seen = TraceBuilder(self.seen.kind, self.seen.sweep_s, self.seen.period_s)
+        self._settle()
         self._began_s = self._told_s = self._now_s
 
     def _take(self, sample: object) -> bool:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from wallride.clients.calibration import settings_file
+from wallride.clients.calibration.command import begin, refusal
 from wallride.clients.calibration.current_values import check_writable, current_values
 from wallride.clients.calibration.link import LetGoError, RemoteLink
 from wallride.clients.calibration.steps import CalibrationProgress, DrivenStep, driven_steps
@@ -29,7 +30,6 @@ from wallride.clients.remote.car import RemoteCar
 from wallride.clients.remote.driver import DriveRefusedError
 from wallride.clients.teleop.inputs import Control
 from wallride.clients.teleop.pilot import LINK_LOST_S
-from wallride.runtime.calibration import proposals
 from wallride.runtime.calibration.proposals import Proposal
 from wallride.runtime.parameters.file import StoreError
 from wallride.runtime.settings.tree import SettingsError
@@ -185,12 +185,10 @@ class PageCalibration:
         if self._file is not None:
             check_writable(self._file)
         now = current_values(car, self._file)
-        so_far = CalibrationProgress(dict(now), ruler=wish.wheelbase_m is not None)
+        so_far, self._found = begin(now, wish.wheelbase_m)
         self._notes = so_far.notes
-        if wish.wheelbase_m is not None:
-            so_far.now = {**now, proposals.WHEELBASE: wish.wheelbase_m}
-            old_m = now[proposals.WHEELBASE]
-            self._found.append(Proposal(proposals.WHEELBASE, old_m, wish.wheelbase_m, "by ruler"))
+        if why := refusal(so_far.now):
+            raise CalibrationError(f"{why}; measure the outline first, in a terminal: wallride calibrate outline")
         for step in driven_steps(frozenset(wish.steps)):
             if missing := step.missing(so_far):
                 so_far.notes.append(missing)

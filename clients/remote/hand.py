@@ -60,7 +60,7 @@ class ScriptedHand:
     def inputs(self, now_s: float) -> Inputs:
         """Return what is held now."""
         if self.driving and not self.trouble and now_s - self._sent_s > HOLD_S:
-            self.trouble = f"the script sent nothing for {HOLD_S} s"
+            self.trouble = f"nothing was sent for {HOLD_S} s"
         if self.stopping:
             return Inputs(Input.SCRIPT, live=True, event_s=now_s, pressed=frozenset({Control.ESTOP}), device="script")
         if self.trouble:  # unsure: a stop, and no release

@@ -137,7 +137,7 @@ async def test_a_script_plans_by_its_name_stalls_and_says_goodbye(tmp_path):
         await stalled.wait()
         await scene.brake_after(time.monotonic())
         await scene.car.until(lambda: planners(scene)["lost"] == "slam", "lost, in the status")
-        with pytest.raises(PlanRefusedError, match="sent nothing"):
+        with pytest.raises(PlanRefusedError, match="nothing was sent"):
             await planning
         await asyncio.to_thread(plan, 1.0, stalls=False)
         await scene.car.until_driving()  # it said goodbye: the follower goes on, where no permit is needed

@@ -1,5 +1,6 @@
 """The deadman of a calibration: without it nothing moves, and a stall needs a new press."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -39,8 +40,17 @@ class Hand:
         self.log.append("release")
 
 
+SCAN = ScanSample(3.0, -2.35, 0.005, 0.02, 30.0, np.ones(941, np.float32), 0.025, 2e-5)
+MOTOR = MotorSample(2.0, 1.5, 0.4, 0.0, 0.1)
+
+
+@pytest.fixture(autouse=True)
+def _without_waiting(monkeypatch):
+    monkeypatch.setattr(links, "SETTLES_S", 0.0)
+
+
 class Car(RemoteCar):
-    def __init__(self, samples=()):
+    def __init__(self, samples=(MOTOR, SCAN)):
         self.log, self.hands, self.samples = [], [], samples
 
     def drive(self, **_limits):
@@ -64,9 +74,6 @@ class Deadman:
         self.renewed += 1
 
 
-SCAN = ScanSample(3.0, -2.35, 0.005, 0.02, 30.0, np.ones(941, np.float32), 0.025, 2e-5)
-
-
 def test_nothing_is_sent_once_the_deadman_is_released():
     car, deadman = Car(), Deadman()
     with RemoteLink(car, deadman, print) as link:
@@ -80,12 +87,28 @@ def test_nothing_is_sent_once_the_deadman_is_released():
 def test_a_stall_begins_anew_after_a_new_press():
     car, deadman, told = Car(), Deadman(), []
     with RemoteLink(car, deadman, told.append) as link:
-        car.hands[0].trouble = "the script sent nothing for 0.2 s"
+        car.hands[0].trouble = "nothing was sent for 0.2 s"
         link.send(0.4, 0.0)
         assert deadman.renewed == 1
         assert "Hold again" in told[0]
         link.send(0.4, 0.0)
     assert car.log == ["begin", "end", "begin", (0.4, 0.0), "end"]
+    assert told[1:] == ["  it goes on"]
+
+
+def test_what_waited_during_a_stall_is_neither_the_present_nor_time_in_which_the_car_drove(monkeypatch):
+    waiting = [status_of(motor="absent: no usable reply"), SCAN, *[MOTOR, SCAN] * 50, status_of(), SCAN, SCAN]
+    car = Car([MOTOR, SCAN, *waiting])
+    car.name = "car1"
+    with RemoteLink(car, Deadman(), print) as link:
+        link.wait()
+        monkeypatch.setattr(links, "SETTLES_S", 10.0)
+        monkeypatch.setattr(time, "monotonic", lambda: 10.0 if link.seen.scans[52:] else 0.0)
+        car.hands[0].trouble = "late"
+        link.send(0.4, 0.0)
+        assert len(link.seen.scans) == 53, "all of a while ago"
+        monkeypatch.setattr(time, "monotonic", lambda: 11.0)
+        link.wait()
 
 
 def status_of(**gates):
@@ -104,10 +127,9 @@ def test_a_device_that_is_gone_is_named_and_not_taken_for_a_slow_computer(gates)
     assert (told, car.log) == ([], ["begin", "end"])
 
 
-def test_a_long_drive_is_told_every_ten_seconds(monkeypatch):
+def test_a_long_drive_is_told_every_ten_seconds():
     scans = [replace(SCAN, stamp_s=3.0 + second) for second in range(25)]
     car, told = Car([MotorSample(3.0, 0.0, 0.0, 0.0, 0.0), *scans]), []
-    monkeypatch.setattr(links, "SETTLES_S", 0.0)
     with RemoteLink(car, Deadman(), told.append) as link:
         link.forget()
         for _ in scans[1:]:
@@ -119,9 +141,9 @@ def test_a_long_drive_is_told_every_ten_seconds(monkeypatch):
 def test_words_for_scripts_are_not_those_of_a_calibration():
     car, told = Car(), []
     with RemoteLink(car, Deadman(), told.append) as link:
-        car.hands[0].refused = DriveRefusedError("the script sent nothing for 0.2 s", "begin anew with car.drive()")
+        car.hands[0].refused = DriveRefusedError("nothing was sent for 0.2 s", "begin anew with car.drive()")
         link.send(0.4, 0.0)
-    assert told == ["  the script sent nothing for 0.2 s: the car stops. Hold again."]
+    assert told[0] == "  nothing was sent for 0.2 s: the car stops. Hold again."
 
 
 def test_a_computer_that_is_always_too_slow_is_given_up():
@@ -137,7 +159,7 @@ def test_a_computer_that_is_always_too_slow_is_given_up():
 
 
 def test_samples_up_to_the_next_scan_are_taken_and_the_drive_is_renewed():
-    car = Car([MotorSample(2.0, 1.5, 0.4, 0.0, 0.1), DriveSample(2.1, 0.4, 0.1), SCAN, SCAN])
+    car = Car([MOTOR, DriveSample(2.1, 0.4, 0.1), SCAN, SCAN])
     with RemoteLink(car, Deadman(), print) as link:
         link.send(0.4, 0.1)
         link.wait()
@@ -152,7 +174,7 @@ def test_samples_up_to_the_next_scan_are_taken_and_the_drive_is_renewed():
 
 def test_scans_that_stay_away_let_the_car_stop(monkeypatch):
     monkeypatch.setattr(links, "MAX_LATE_S", -1.0)
-    car, deadman, told = Car([DriveSample(2.1, 0.4, 0.1), SCAN]), Deadman(), []
+    car, deadman, told = Car([DriveSample(2.1, 0.4, 0.1), MOTOR, SCAN, SCAN]), Deadman(), []
     with RemoteLink(car, deadman, told.append) as link:
         link.send(0.4, 0.1)
         link.wait()

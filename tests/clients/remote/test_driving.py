@@ -17,7 +17,7 @@ from wallride.runtime.wire.ports import free_endpoint
 from wallride.runtime.wire.teleop import Press
 
 LEFT_UNSURE = Press.GOODBYE | Press.UNSURE
-STALLED = r"sent nothing for 0\.2 s; begin anew"
+STALLED = r"nothing was sent for 0\.2 s; begin anew"
 NOT_TAKEN = "certificate's role operator"
 
 

@@ -75,7 +75,7 @@ def test_a_script_that_stalls_stops_the_car_and_does_not_go_on_by_itself(script)
     script.run(0.2, (1.0, 0.1))
     decision = script.run(HOLD_S + 3 * BEAT_S)
     assert decision.speed_mps == 0.0
-    assert "sent nothing for 0.2 s" in script.hand.trouble
+    assert "nothing was sent for 0.2 s" in script.hand.trouble
     assert script.run(1.0, (1.0, 0.1)).speed_mps == 0.0, "sending again is no release"
     assert script.pilot.situation.flags is Press.UNSURE
 
