@@ -1,7 +1,6 @@
 """The way to a car: found by its token, chosen by name, or one line that says what to do."""
 
 import asyncio
-import contextlib
 import re
 from datetime import UTC, datetime
 from functools import partial
@@ -9,6 +8,7 @@ from functools import partial
 import pytest
 
 import wallride
+from tests.clients.speaking_car import CarSession, beating_car, client_bus
 from tests.typed import typed
 from wallride.clients.connection import (
     ConnectionProblemError,
@@ -22,11 +22,8 @@ from wallride.clients.connection import (
 from wallride.clients.endpoints import session_config
 from wallride.clients.fleet.search import choose
 from wallride.clients.keys.folder import KeyFolder
-from wallride.runtime.wire import topics, zenoh_config
-from wallride.runtime.wire.bus import Bus
-from wallride.runtime.wire.network import BYTES
+from wallride.runtime.wire import topics
 from wallride.runtime.wire.ports import free_endpoint
-from wallride.runtime.wire.teleop import Beat, CarCondition
 from wallride.runtime.wire.zenoh_config import Person, Role
 
 options = partial(typed, "status")
@@ -34,11 +31,16 @@ options = partial(typed, "status")
 
 @pytest.fixture
 async def car():
-    """A car's session at a free port."""
-    bus = Bus(zenoh_config.car_config([free_endpoint()], None, (), "car1"))
-    await bus.open()
-    yield bus
-    await bus.close()
+    """A car's session that is not announced."""
+    async with CarSession(is_announced=False) as car:
+        yield car.bus
+
+
+@pytest.fixture
+async def bus(car):
+    """A client's session at that car."""
+    async with client_bus(car.endpoint) as bus:
+        yield bus
 
 
 async def test_the_only_car_is_found_without_its_name(car):
@@ -49,51 +51,30 @@ async def test_the_only_car_is_found_without_its_name(car):
     assert not bus.is_open
 
 
-async def test_only_the_start_of_the_car_that_is_meant_will_do(car):
-    car.announce(topics.key("car1", topics.ALIVE))
-
-    async def beat_on():
-        number = 0
-        while True:
-            number += 1
-            car.put(
-                topics.key("car1", topics.BEAT),
-                Beat(0xCAFE, number, CarCondition(0)).pack(),
-                encoding=BYTES,
-                urgent=True,
-            )
-            await asyncio.sleep(0.02)
-
-    beating = asyncio.create_task(beat_on())
-    try:
-        async with connected(options("--connect", car.endpoint, "--session", "0000cafe")) as (_, name):
+async def test_only_the_start_of_the_car_that_is_meant_will_do():
+    async with beating_car(session=0xCAFE) as (endpoint, _):
+        async with connected(options("--connect", endpoint, "--session", "0000cafe")) as (_, name):
             assert name == "car1"
         with pytest.raises(ConnectionProblemError, match="car1 has session 0000cafe, wanted was 0000beef"):
-            async with connected(options("--connect", car.endpoint, "--session", "beef")):
+            async with connected(options("--connect", endpoint, "--session", "beef")):
                 pass
-    finally:
-        beating.cancel()
 
 
-async def test_a_car_without_a_heartbeat_is_not_the_one_that_is_meant(car):
-    bus = await open_bus(options("--connect", car.endpoint))
+async def test_a_car_without_a_heartbeat_is_not_the_one_that_is_meant(bus):
     with pytest.raises(ConnectionProblemError, match="has no heartbeat"):
         await check_session(bus, "car1", 0xCAFE, timeout_s=0.1)
-    await bus.close()
 
 
 async def test_of_several_cars_one_must_be_chosen(car):
     for name in ("car1", "car2"):
         car.announce(topics.key(name, topics.ALIVE))
-    bus = await open_bus(options("--connect", car.endpoint))
-    with pytest.raises(ConnectionProblemError, match="car1, car2; choose with --car"):
-        await find_car(bus, None)
-    assert await find_car(bus, "car2") == "car2"
-    await bus.close()
+    async with client_bus(car.endpoint) as bus:
+        with pytest.raises(ConnectionProblemError, match="car1, car2; choose with --car"):
+            await find_car(bus, None)
+        assert await find_car(bus, "car2") == "car2"
 
 
-async def test_a_car_that_is_not_there_is_named_and_so_are_those_that_are(car):
-    bus = await open_bus(options("--connect", car.endpoint))
+async def test_a_car_that_is_not_there_is_named_and_so_are_those_that_are(car, bus):
     with pytest.raises(ConnectionProblemError, match="a car is not there"):
         await find_car(bus, None, timeout_s=0.1)
     car.announce(topics.key("car1", topics.ALIVE))
@@ -101,7 +82,6 @@ async def test_a_car_that_is_not_there_is_named_and_so_are_those_that_are(car):
         await find_car(bus, "car9", timeout_s=0.5)
     with pytest.raises(ConnectionProblemError, match="is not a car's name"):
         await find_car(bus, "*")
-    await bus.close()
 
 
 async def test_nobody_listening_is_one_line_with_the_endpoint():
@@ -151,31 +131,19 @@ def test_an_encrypted_endpoint_needs_a_folder_of_keys(tmp_path):
         keys_of("tls/car1:7448", tmp_path)
 
 
-async def test_a_car_that_is_silent_towards_a_name_is_explained(car):
-    bus = await open_bus(options("--connect", car.endpoint))
+async def test_a_car_that_is_silent_towards_a_name_is_explained(bus):
     with pytest.raises(ConnectionProblemError, match="anna is revoked or not listed there"):
         await find_car(bus, None, whose="anna", timeout_s=0.1)
-    await bus.close()
-
-
-@contextlib.asynccontextmanager
-async def present(name):
-    """A car that is there; yields its endpoint."""
-    bus = Bus(zenoh_config.car_config([free_endpoint()], None, (), name))
-    await bus.open()
-    bus.announce(topics.key(name, topics.ALIVE))
-    yield bus.endpoint
-    await bus.close()
 
 
 @pytest.mark.parametrize("by", ["option", "variable"])
 async def test_of_several_endpoints_that_of_the_car_is_found(monkeypatch, by):
-    async with present("car1") as first, present("car2") as second:
-        places = f"{first},{free_endpoint()}, {second}"
+    async with CarSession("car1") as first, CarSession("car2") as second:
+        places = f"{first.endpoint},{free_endpoint()}, {second.endpoint}"
         monkeypatch.setenv("WALLRIDE_CONNECT", places if by == "variable" else "")
         given = ("--connect", places) if by == "option" else ()
         async with connected(options(*given, "--car", "car2")) as (bus, name):
-            assert (name, bus.endpoint) == ("car2", second)
+            assert (name, bus.endpoint) == ("car2", second.endpoint)
         with pytest.raises(ConnectionProblemError, match=r"several cars .*: car1, car2; choose with --car"):
             async with connected(options(*given)):
                 pass
@@ -184,15 +152,15 @@ async def test_of_several_endpoints_that_of_the_car_is_found(monkeypatch, by):
             with wallride.connect("car2", at=places if by == "option" else None) as remote:
                 return remote.name, remote._options.connect
 
-        assert await asyncio.to_thread(script) == ("car2", second)
+        assert await asyncio.to_thread(script) == ("car2", second.endpoint)
 
 
 async def test_of_several_endpoints_the_only_car_is_found_without_its_name():
     async with (
-        present("car1") as first,
-        connected(options("--connect", f"{free_endpoint()},{first}")) as (bus, name),
+        CarSession() as first,
+        connected(options("--connect", f"{free_endpoint()},{first.endpoint}")) as (bus, name),
     ):
-        assert (name, bus.endpoint) == ("car1", first)
+        assert (name, bus.endpoint) == ("car1", first.endpoint)
 
 
 A, B = "tcp/a:1", "tcp/b:1"

@@ -6,11 +6,10 @@ import json
 
 import pytest
 
+from tests.clients.speaking_car import CarSession
 from wallride.cli import main
 from wallride.runtime.recording import requests
-from wallride.runtime.wire import topics, zenoh_config
-from wallride.runtime.wire.bus import Bus
-from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire import topics
 
 EVIL = "\x1b[2J\x1b]0;owned\x07\n12:00:00 INFO forged: all is well\r\u202e\x9b31m"
 TEXTS = {
@@ -43,29 +42,24 @@ COMMANDS = [
 STATUS = {"car": EVIL, "gates": {"lidar": EVIL}, "output": None, "voices": {}, "battery": None, "fault": EVIL}
 
 
-class HostileCar:
+class HostileCar(CarSession):
     """Answers everything with one object; announces names that are none."""
 
-    def __init__(self):
-        self.endpoint = free_endpoint()
-        self.bus = Bus(zenoh_config.car_config([self.endpoint], None, (), "car1"))
-        self.answer, self.status = {}, STATUS
+    answer, status = {}, STATUS
 
-    async def __aenter__(self):
+    def serve(self):
         for question in QUESTIONS:
             self.bus.answer(topics.key("car1", question), lambda _: json.dumps(self.answer).encode())
-        for name in ("car1", "**", "*", "Car\x1b[2J"):
+        for name in ("**", "*", "Car\x1b[2J"):
             self.bus.announce(topics.key(name, topics.ALIVE))
         for name in ("car1/more", "**", "*"):
             self.bus.announce(topics.key(name, f"{topics.REFUSED}/0\x1b[2J"))
-        await self.bus.open()
         self._speaking = asyncio.create_task(self._speak())
-        return self
 
     async def __aexit__(self, *_):
         self._speaking.cancel()
         await asyncio.gather(self._speaking, return_exceptions=True)
-        await self.bus.close()
+        await super().__aexit__()
 
     async def _speak(self):
         while True:

@@ -9,6 +9,7 @@ import time
 import pytest
 from mcap.writer import CompressionType, Writer
 
+from tests.clients.speaking_car import CarSession, client_bus
 from tests.typed import typed
 from wallride.clients import logs
 from wallride.clients.connection import ConnectionProblemError
@@ -20,35 +21,28 @@ from wallride.runtime.recording.recover import is_whole
 from wallride.runtime.recording.requests import GET, LIST, MAX_PIECE_B, RECORD, TRIM
 from wallride.runtime.settings.recording import RecordingSettings, recordings_folder
 from wallride.runtime.tasks import recorder as recorder_task
-from wallride.runtime.wire import topics, zenoh_config
-from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire import topics
 from wallride.runtime.wire.network import RefusedError
-from wallride.runtime.wire.ports import free_endpoint
 
 
-class Car:
+class Car(CarSession):
     """A recorder on a session of its own, and a client's command line."""
 
     def __init__(self, folder, **settings):
-        self.endpoint = free_endpoint()
-        self.folder = folder
+        super().__init__()
         given = {"folder": str(folder), "start": "request", "keep_free_mb": 0, **settings}
         self.recorder = Recorder(
             RecordingSettings(**given), car="car1", version="9.9",
             wall_clock=WallClock(time.monotonic), clock=time.monotonic,
         )  # fmt: skip
-        self.bus = Bus(zenoh_config.car_config([self.endpoint], None, (), "car1"))
 
-    async def __aenter__(self):
+    def serve(self):
         recorder_task.serve(self.bus, "car1", self.recorder)
-        self.bus.announce(topics.key("car1", topics.ALIVE))
         self.recorder.start()
-        await self.bus.open()
-        return self
 
     async def __aexit__(self, *_):
         await asyncio.to_thread(self.recorder.close, 5.0)
-        await self.bus.close()
+        await super().__aexit__()
 
     async def run(self, *words):
         """Return exit code and lines of a command."""
@@ -148,26 +142,20 @@ async def test_a_file_that_is_still_written_comes_as_far_as_it_is_and_whole(tmp_
      "20260921T141500Z-b0001-00001.mcap/../counts.json", "20260921T141500Z-b0001-00001.mcap\n"],
 )  # fmt: skip
 async def test_no_name_leads_out_of_the_folder(tmp_path, name):
-    async with Car(tmp_path / "car") as car:
-        client = Bus(zenoh_config.client_config(car.endpoint, None))
-        await client.open()
+    async with Car(tmp_path / "car") as car, client_bus(car.endpoint) as client:
         with pytest.raises(RefusedError, match="not the name of a recording"):
             await client.ask(topics.key("car1", GET), json.dumps({"name": name, "offset": 0}).encode())
-        await client.close()
 
 
 async def test_a_link_in_the_folder_is_not_followed(tmp_path):
-    async with Car(tmp_path / "car") as car:
+    async with Car(tmp_path / "car") as car, client_bus(car.endpoint) as client:
         (tmp_path / "car").mkdir(exist_ok=True)
         (tmp_path / "secret").write_text("secret")
         link = tmp_path / "car" / "20260921T141500Z-b0001-00001.mcap"
         link.symlink_to(tmp_path / "secret")
-        client = Bus(zenoh_config.client_config(car.endpoint, None))
-        await client.open()
         with pytest.raises(RefusedError):
             await client.ask(topics.key("car1", GET), json.dumps({"name": link.name, "offset": 0}).encode())
         assert json.loads((await client.ask(topics.key("car1", LIST)))[0])["files"] == []
-        await client.close()
 
 
 @pytest.mark.parametrize(
@@ -187,12 +175,9 @@ async def test_a_link_in_the_folder_is_not_followed(tmp_path):
     ],
 )
 async def test_what_cannot_be_answered_is_refused(tmp_path, what, question):
-    async with Car(tmp_path / "car") as car:
-        client = Bus(zenoh_config.client_config(car.endpoint, None))
-        await client.open()
+    async with Car(tmp_path / "car") as car, client_bus(car.endpoint) as client:
         with pytest.raises(RefusedError):
             await client.ask(topics.key("car1", what), question)
-        await client.close()
 
 
 async def test_a_car_that_does_not_record_says_so(tmp_path):
@@ -203,16 +188,11 @@ async def test_a_car_that_does_not_record_says_so(tmp_path):
 
 
 async def test_a_car_cannot_choose_where_files_are_written_here(tmp_path):
-    endpoint = free_endpoint()
-    bus = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
     file = {"name": "../evil.mcap", "size_bytes": 1, "black_box": False, "reason": "", "state": "whole"}
-    bus.answer(topics.key("car1", LIST), lambda _: topics.encode({"folder": "/", "files": [file]}))
-    bus.announce(topics.key("car1", topics.ALIVE))
-    await bus.open()
-    options = typed("logs", "get", "--connect", endpoint, "-o", str(tmp_path / "here"))
-    with pytest.raises(ConnectionProblemError, match="not the name of a recording"):
-        await logs.run(options)
-    await bus.close()
+    async with CarSession() as car:
+        car.bus.answer(topics.key("car1", LIST), lambda _: topics.encode({"folder": "/", "files": [file]}))
+        with pytest.raises(ConnectionProblemError, match="not the name of a recording"):
+            await logs.run(typed("logs", "get", "--connect", car.endpoint, "-o", tmp_path / "here"))
 
 
 async def test_files_of_this_machine(tmp_path):

@@ -1,19 +1,15 @@
 """Curves in the terminal: which number is meant, what is drawn, and what is said when there is none."""
 
-import argparse
-import asyncio
 import math
 
 import pytest
 
+from tests.clients.speaking_car import options, speaking_car
 from wallride.clients import plot
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.plot import Curve, curve_of, drawing, number_at
-from wallride.runtime.ros.definitions import encoding
 from wallride.runtime.ros.messages import ackermann, float32
-from wallride.runtime.wire import topics, zenoh_config
-from wallride.runtime.wire.bus import Bus
-from wallride.runtime.wire.ports import free_endpoint
+from wallride.runtime.wire import topics
 
 STATUS = topics.encode({"scan_to_motor_ms": {"p99": 2.5}, "speed_mps": None, "state": "driving"})
 
@@ -100,27 +96,8 @@ def test_what_is_older_is_not_drawn():
 
 
 async def test_it_draws_a_car_on_the_air():
-    endpoint = free_endpoint()
-    car = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
-    car.announce(topics.key("car1", topics.ALIVE))
-    await car.open()
-    said = []
-    options = argparse.Namespace(
-        topics=["distance_error"], seconds=1.0, once=True, car=None, connect=endpoint, session=None, keys=None,
-        print_line=lambda text, end="\n": said.append(text),
-    )  # fmt: skip
-    key = topics.key("car1", topics.DISTANCE_ERROR)
-
-    async def speak():
-        while True:
-            car.put(key, float32(0.5), encoding=encoding(topics.DISTANCE_ERROR))
-            await asyncio.sleep(0.02)
-
-    speaking = asyncio.create_task(speak())
-    try:
-        assert await plot.run(options) == 0
-    finally:
-        speaking.cancel()
-        await car.close()
-    assert "distance_error:data  0.5" in said[0]
+    async with speaking_car() as car:
+        parsed, said = options(car, "plot", "distance_error", "--seconds", "1", "--once")
+        assert await plot.run(parsed) == 0
+    assert "distance_error:data  0.125" in said[0]
     assert "\x1b" not in said[0], "standard output of a test is no terminal"

@@ -4,6 +4,7 @@ import time
 
 import pytest
 
+from tests.clients.speaking_car import CarSession
 from tests.runtime.test_line_files import in_the_box
 from tests.runtime.test_map_files import box, write
 from tests.typed import typed
@@ -16,21 +17,18 @@ from wallride.runtime.parameters.server import ParameterServer, ServerContext
 from wallride.runtime.parameters.update import UnacceptableError
 from wallride.runtime.settings.tree import Settings, load_settings
 from wallride.runtime.tasks.parameters import serve
-from wallride.runtime.wire import topics, zenoh_config
-from wallride.runtime.wire.bus import Bus
-from wallride.runtime.wire.ports import free_endpoint
 
 FILE = '[car]\nmax_speed_mps = 3.0\n\n[wall_follow]\nmethod = "ball"  # mine\n'
 
 
-class Car:
+class Car(CarSession):
     """A car's desks on a session of their own. drives: why it may not restart. fails: what is wrong with its files."""
 
     def __init__(self):
-        self.endpoint, self.drives, self.fails, self.restarts = free_endpoint(), "", "", 0
+        super().__init__()
+        self.drives, self.fails, self.restarts = "", "", 0
         context = ServerContext(lambda *_: None, lambda: True, lambda: 1e9, lambda: "a day")
         self.desk = ParameterServer(Settings(), context, ChangeHistory(10))
-        self.bus = Bus(zenoh_config.car_config([self.endpoint], None, (), "car1"))
 
     def check(self):
         if self.fails:
@@ -39,14 +37,8 @@ class Car:
     def begin(self):
         self.restarts += 1
 
-    async def __aenter__(self):
+    def serve(self):
         serve(self.bus, "car1", self.desk, RestartDesk(lambda: self.drives, self))
-        self.bus.announce(topics.key("car1", topics.ALIVE))
-        await self.bus.open()
-        return self
-
-    async def __aexit__(self, *_):
-        await self.bus.close()
 
     async def race(self, *words):
         return await race_along.run(typed("param", "race", *words, "--connect", self.endpoint))

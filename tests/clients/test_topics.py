@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.clients.speaking_car import options, speaking_car
+from tests.clients.speaking_car import client_bus, options, speaking_car
 from tests.runtime.observed import RANGES_M
 from tests.runtime.ros.samples import read_as_foxglove_does
 from wallride.clients import topics
@@ -16,8 +16,6 @@ from wallride.clients.topics import KINDS, RateMeter, split_topic
 from wallride.runtime.ros.definitions import TYPES
 from wallride.runtime.settings.telemetry import RatesHz
 from wallride.runtime.wire import topics as wire_topics
-from wallride.runtime.wire import zenoh_config
-from wallride.runtime.wire.bus import Bus
 
 
 async def told_at_once(*commands):
@@ -84,15 +82,11 @@ async def test_a_topic_that_says_nothing_is_explained(monkeypatch):
 async def test_an_independent_reader_decodes_scan_odometry_and_output_from_the_wire():
     wanted = (wire_topics.SCAN, wire_topics.ODOM, wire_topics.OUTPUT)
     heard = {}
-    async with speaking_car(rates=RatesHz(scan=40)) as car:
-        reader = Bus(zenoh_config.client_config(car.endpoint, None))
+    async with speaking_car(rates=RatesHz(scan=40)) as car, client_bus(car.endpoint) as reader, asyncio.timeout(10):
         for topic in wanted:
             reader.subscribe(wire_topics.key("car1", topic), lambda key, payload, _: heard.update({key: payload}))
-        await reader.open()
-        async with asyncio.timeout(10):
-            while len(heard) < len(wanted):
-                await asyncio.sleep(0.01)
-        await reader.close()
+        while len(heard) < len(wanted):
+            await asyncio.sleep(0.01)
     scan, odom, output = (read_as_foxglove_does(TYPES[t], heard[wire_topics.key("car1", t)]) for t in wanted)
     np.testing.assert_array_equal(np.array(scan.ranges, np.float32), RANGES_M)
     assert scan.header.frame_id == "laser"

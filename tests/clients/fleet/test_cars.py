@@ -1,7 +1,6 @@
 """`wallride cars` and `wallride stop`: every car is listed, and none is said to stand that may not."""
 
 import asyncio
-import contextlib
 import json
 import re
 import time
@@ -11,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.clients.speaking_car import options, speaking_car
+from tests.clients.speaking_car import CarSession, beating_car, client_bus, options, speaking_car
 from tests.typed import telling
 from wallride.cli import build_parser
 from wallride.clients.connection import ConnectionProblemError
@@ -20,42 +19,10 @@ from wallride.clients.fleet import links, race_command
 from wallride.clients.fleet import stop as fleet_stop
 from wallride.clients.fleet.links import FleetLink
 from wallride.runtime.wire import topics
-from wallride.runtime.wire.bus import Bus
-from wallride.runtime.wire.network import BYTES
 from wallride.runtime.wire.ports import free_endpoint
-from wallride.runtime.wire.teleop import Beat, CarCondition, is_stop, read_command
-from wallride.runtime.wire.zenoh_config import car_config, client_config
+from wallride.runtime.wire.teleop import Beat, CarCondition, read_command
 
 stop_options = partial(telling, "stop")
-
-
-@contextlib.asynccontextmanager
-async def beating_car(name, *, obeys=True, latched=False, session=7):
-    """A car that answers an e-stop with its heartbeats; yields its endpoint and the commands that came."""
-    bus, came, state = Bus(car_config([free_endpoint()], None, (), name)), [], {"latched": latched}
-
-    def on_command(_key, payload, _s):
-        came.append(read_command(payload))
-        state["latched"] |= obeys and is_stop(came[-1].flags)
-
-    bus.subscribe(topics.key(name, topics.COMMAND), on_command)
-    bus.announce(topics.key(name, topics.ALIVE))
-    await bus.open()
-
-    async def beat():
-        number = 0
-        while True:
-            number += 1
-            condition = CarCondition.ESTOP_LATCHED if state["latched"] else CarCondition(0)
-            bus.put(topics.key(name, topics.BEAT), Beat(session, number, condition).pack(), encoding=BYTES)
-            await asyncio.sleep(0.02)
-
-    beating = asyncio.create_task(beat())
-    try:
-        yield bus.endpoint, came
-    finally:
-        beating.cancel()
-        await bus.close()
 
 
 async def test_cars_are_listed_with_version_and_state():
@@ -72,12 +39,10 @@ async def test_cars_are_listed_with_version_and_state():
 
 
 async def test_no_car_is_an_answer_too():
-    bus = Bus(car_config([free_endpoint()], None, (), "car1"))
-    await bus.open()
-    parsed, said = options(bus, "cars")
-    assert await fleet_cars.run(parsed) == 1
-    assert said == [f"no car at {bus.endpoint}"]
-    await bus.close()
+    async with CarSession(is_announced=False) as car:
+        parsed, said = options(car, "cars")
+        assert await fleet_cars.run(parsed) == 1
+    assert said == [f"no car at {car.endpoint}"]
 
 
 @pytest.mark.parametrize("command", [["race"], ["race", "--json"], ["cars", "--watch"]])
@@ -132,9 +97,7 @@ def test_two_cars_of_one_name_are_two_rows_and_said():
     lines = list(fleet_cars.table(view.fields(None, 10.5)))
     assert len(lines) == 2
     assert all("two cars are called so" in line for line in lines)
-    view._on_status(
-        links[1], STATUS, status_of("0b"), 12.0
-    )  # the other one has fallen silent: a restart, not a second car
+    view._on_status(links[1], STATUS, status_of("0b"), 12.0)  # the other is silent: a restart, not a second car
     assert [row["trouble"] for row in view.fields(None, 12.0)] == [""]
 
 
@@ -240,13 +203,10 @@ async def test_an_endpoint_that_can_have_no_session_keeps_no_other_car_driving(o
 
 
 async def test_a_car_whose_name_is_announced_as_a_recording_is_stopped_and_confirms_all_the_same():
-    async with beating_car("car1") as (endpoint, _):
-        liar = Bus(client_config(endpoint, None))
-        await liar.open()
+    async with beating_car("car1") as (endpoint, _), client_bus(endpoint) as liar:
         liar.announce(topics.key("car1", topics.PLAYED))
         parsed, said = stop_options("--all", "--connect", endpoint)
         assert await fleet_stop.run(parsed) == 0
-        await liar.close()
     assert len(said) == 1
     assert "e-stop latched after" in said[0]
 
@@ -280,14 +240,11 @@ async def test_of_two_cars_of_one_name_each_has_a_line_and_both_must_confirm(mon
 
 @pytest.mark.parametrize("arguments", [["--all"], []])
 async def test_a_car_that_is_refused_its_name_is_named_as_not_stopped(arguments):
-    async with beating_car("car1") as (first, _):
-        refused = Bus(client_config(first, None))
-        await refused.open()
+    async with beating_car("car1") as (first, _), client_bus(first) as refused:
         refused.announce(topics.key("car1", f"{topics.REFUSED}/0000000c"))
         parsed, said = stop_options(*arguments, "--connect", first)
         began_s = time.monotonic()
         assert await fleet_stop.run(parsed) == 1
-        await refused.close()
     assert time.monotonic() - began_s < fleet_stop.GIVE_UP_S, "what cannot confirm is not waited for"
     assert "e-stop latched" in said[0]
     assert said[1].startswith(f"car1 (session 0000000c) is refused at {first}")

@@ -10,12 +10,12 @@ import aiohttp
 import pytest
 
 from tests.clients.monitor.fake_car import FakeCar
+from tests.clients.speaking_car import CarSession
 from wallride.clients.foxglove import control, server, viewer
 from wallride.runtime.recording.channels import text_of
 from wallride.runtime.ros.definitions import TYPES, encoding
 from wallride.runtime.ros.messages import float32
-from wallride.runtime.wire import topics, zenoh_config
-from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire import topics
 from wallride.runtime.wire.ports import free_endpoint
 
 SUBSCRIBE = {"op": "subscribe"}
@@ -27,17 +27,13 @@ PRESS = b"\x01" + (1).to_bytes(4, "little") + b"{}"
 
 @pytest.fixture
 async def car():
-    endpoint = free_endpoint()
-    bus = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
-    bus.announce(topics.key("car1", topics.ALIVE))
-    await bus.open()
-    yield bus, endpoint
-    await bus.close()
+    async with CarSession() as car:
+        yield car
 
 
 @pytest.fixture
 async def address(car):
-    async with serving(car[1]) as address:
+    async with serving(car.endpoint) as address:
         yield address
 
 
@@ -59,7 +55,7 @@ async def serving(endpoint, pages=()):
 
 
 async def test_a_viewer_is_offered_everything_and_gets_the_cars_bytes(car, address):
-    bus, _ = car
+    bus = car.bus
     key, status_key = topics.key("car1", topics.DISTANCE_ERROR), topics.key("car1", topics.STATUS)
     status = topics.encode({"state": "driving"})
     async with aiohttp.ClientSession() as session, session.ws_connect(address, protocols=["foxglove.sdk.v1"]) as viewer:
@@ -138,13 +134,9 @@ async def test_a_viewer_reads_and_changes_settings_by_the_cars_rules():
 async def test_a_viewer_presses_the_e_stop_and_nothing_else():
     car = FakeCar(free_endpoint())
     async with watched(car) as viewer:
-        names = ("/drive", "/e_stop")
-        channels = [
-            {"id": number, "topic": name, "encoding": "json", "schemaName": "std_msgs/msg/Empty"}
-            for number, name in enumerate(names, 1)
-        ]
+        channels = [CHANNEL | {"id": number, "topic": name} for number, name in enumerate(("/drive", "/e_stop"), 1)]
         await viewer.send_json({"op": "advertise", "channels": channels})
-        await viewer.send_bytes(b"\x01" + (1).to_bytes(4, "little") + b"{}")
+        await viewer.send_bytes(PRESS)
         await asyncio.sleep(0.7)
         assert not car.e_stop.latched
         await viewer.send_bytes(b"\x01" + (2).to_bytes(4, "little") + b"{}")
@@ -153,9 +145,8 @@ async def test_a_viewer_presses_the_e_stop_and_nothing_else():
 
 async def test_an_e_stop_that_no_car_confirms_is_repeated_and_said(car, address, monkeypatch):
     monkeypatch.setattr(control, "INSIST_S", 1.0)
-    bus, _ = car
     pressed = []
-    bus.subscribe(topics.key("car1", topics.COMMAND), lambda _key, payload, _s: pressed.append(payload))
+    car.bus.subscribe(topics.key("car1", topics.COMMAND), lambda _key, payload, _s: pressed.append(payload))
     async with visiting(address) as viewer:
         await viewer.send_json({"op": "advertise", "channels": [CHANNEL | {"id": 1, "topic": "/e_stop"}]})
         await viewer.send_bytes(PRESS)

@@ -12,6 +12,7 @@ import time
 
 import pytest
 
+from tests.clients.speaking_car import CarSession, client_bus
 from tests.clients.teleop.scenes import LINEAR, SESSION
 from tests.promises import promise
 from wallride.clients.teleop.app import Client, deadlines
@@ -20,10 +21,8 @@ from wallride.clients.teleop.pilot import Pilot
 from wallride.clients.teleop.screen import Screen
 from wallride.clients.teleop.script import Script, Step
 from wallride.clients.teleop.sources import ScriptSource
-from wallride.runtime.wire import topics, zenoh_config
-from wallride.runtime.wire.bus import Bus
+from wallride.runtime.wire import topics
 from wallride.runtime.wire.network import BYTES
-from wallride.runtime.wire.ports import free_endpoint
 from wallride.runtime.wire.teleop import Beat, CarCondition, Input, Press, read_command
 
 MANUAL = frozenset({Control.MANUAL})
@@ -33,26 +32,23 @@ LAP = Script([
 ])  # fmt: skip
 
 
-class FakeCar:
+class FakeCar(CarSession):
     """Beats, and remembers what it was told. obeys: by its heartbeats, the newest command's session and each e-stop."""
 
     def __init__(self, *, obeys=True):
+        super().__init__()
         self.obeys = obeys
-        self.bus = Bus(zenoh_config.car_config([free_endpoint()], None, (), "car1"))
         self.commands = []
         self.beating = True
         self.told = asyncio.Event()
 
-    async def __aenter__(self):
+    def serve(self):
         self.bus.subscribe(topics.key("car1", topics.COMMAND), self._receive)
-        self.bus.announce(topics.key("car1", topics.ALIVE))
-        await self.bus.open()
         self._task = asyncio.create_task(self._beat())
-        return self
 
     async def __aexit__(self, *_):
         self._task.cancel()
-        await self.bus.close()
+        await super().__aexit__()
 
     def _receive(self, _key, payload, arrival_s):
         self.commands.append((arrival_s, read_command(payload)))
@@ -83,23 +79,19 @@ class FakeCar:
                 await self.told.wait()
 
 
+@contextlib.asynccontextmanager
 async def client_of(car, script, out, session=None):
-    bus = Bus(zenoh_config.client_config(car.bus.endpoint, None))
-    await bus.open()
-    pilot = Pilot(SESSION, "ann", LINEAR)
-    screen = Screen(out, plain=True)
-    return bus, pilot, Client(bus, "car1", pilot, ScriptSource(script), screen, time.monotonic, session)
+    """Yield a client with its session, and its pilot."""
+    async with client_bus(car.endpoint) as bus:
+        pilot, screen = Pilot(SESSION, "ann", LINEAR), Screen(out, plain=True)
+        yield Client(bus, "car1", pilot, ScriptSource(script), screen, time.monotonic, session), pilot
 
 
 async def test_a_script_drives_a_car_on_loopback_and_says_goodbye():
     out = io.StringIO()
-    async with FakeCar() as car:
-        bus, pilot, client = await client_of(car, LAP, out)
-        try:
-            await client.run(asyncio.Event())
-            await car.heard(Press.GOODBYE)
-        finally:
-            await bus.close()
+    async with FakeCar() as car, client_of(car, LAP, out) as (client, pilot):
+        await client.run(asyncio.Event())
+        await car.heard(Press.GOODBYE)
     driving = [command for _, command in car.commands if command.flags == Press.MANUAL]
     assert 15 <= len(driving) <= 21
     assert (driving[-1].speed_mps, driving[-1].steering_rad) == (1.0, pytest.approx(-0.2))
@@ -115,13 +107,8 @@ async def test_a_script_drives_a_car_on_loopback_and_says_goodbye():
 
 
 async def test_another_start_of_the_car_is_not_driven():
-    async with FakeCar() as car:
-        bus, _, client = await client_of(car, LAP, io.StringIO(), session=5)
-        try:
-            async with asyncio.timeout(10):
-                await client.run(asyncio.Event())
-        finally:
-            await bus.close()
+    async with FakeCar() as car, client_of(car, LAP, io.StringIO(), session=5) as (client, _), asyncio.timeout(10):
+        await client.run(asyncio.Event())
     assert client.foreign == 4
     assert Press.MANUAL not in car.flags
 
@@ -129,27 +116,25 @@ async def test_another_start_of_the_car_is_not_driven():
 async def test_a_car_that_falls_silent_is_noticed_and_its_return_moves_nothing():
     out = io.StringIO()
     held = Script([Step(0.0, frozenset()), Step(0.1, MANUAL), Step(0.2, MANUAL, 1.0), Step(60.0, frozenset())])
-    async with FakeCar() as car:
-        bus, _, client = await client_of(car, held, out)
+
+    async def said(words):
+        async with asyncio.timeout(5):
+            while words not in out.getvalue():
+                await asyncio.sleep(0.005)
+
+    async with FakeCar() as car, client_of(car, held, out) as (client, _):
         stop = asyncio.Event()
         running = asyncio.create_task(client.run(stop))
-        try:
-            await car.heard(Press.MANUAL)
-            car.beating = False
-            silent_s = time.monotonic()
-            async with asyncio.timeout(5):
-                while "LINK LOST" not in out.getvalue():
-                    await asyncio.sleep(0.005)
-            noticed_s = time.monotonic() - silent_s
-            car.commands.clear()
-            car.beating = True
-            async with asyncio.timeout(5):
-                while "release first" not in out.getvalue():
-                    await asyncio.sleep(0.005)
-            stop.set()
-            await running
-        finally:
-            await bus.close()
+        await car.heard(Press.MANUAL)
+        car.beating = False
+        silent_s = time.monotonic()
+        await said("LINK LOST")
+        noticed_s = time.monotonic() - silent_s
+        car.commands.clear()
+        car.beating = True
+        await said("release first")
+        stop.set()
+        await running
     assert noticed_s > 0.1
     assert Press.MANUAL not in car.flags
     promise("seeing a lost link", noticed_s, 0.3)
@@ -160,13 +145,9 @@ async def test_a_closed_terminal_is_a_goodbye():
         def write(self, _text):
             raise OSError("gone")
 
-    async with FakeCar() as car:
-        bus, _, client = await client_of(car, LAP, Closed())
-        try:
-            await client.run(asyncio.Event())
-            await car.heard(Press.GOODBYE)
-        finally:
-            await bus.close()
+    async with FakeCar() as car, client_of(car, LAP, Closed()) as (client, _):
+        await client.run(asyncio.Event())
+        await car.heard(Press.GOODBYE)
     assert set(car.flags) <= {Press(0), Press.GOODBYE}
 
 
