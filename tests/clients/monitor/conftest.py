@@ -47,9 +47,12 @@ class Scene:
 
 
 @pytest.fixture(autouse=True)
-def runtime_folder(monkeypatch, tmp_path_factory):
-    """Keep the page's token in a folder of the test, as a login does."""
+def data(monkeypatch, tmp_path_factory):
+    """Keep the page's token, as a login does, and what is made of laps, in folders of the test; return the latter's."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
+    monkeypatch.setenv("XDG_DATA_HOME", str(folder := tmp_path_factory.mktemp("data")))
+    monkeypatch.delenv("STATE_DIRECTORY", raising=False)
+    return folder / "wallride"
 
 
 @pytest.fixture

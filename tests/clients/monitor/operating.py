@@ -7,11 +7,20 @@ import time
 from wallride.runtime.teleop.status import OperatorState
 from wallride.runtime.wire.teleop import Command, Input, Press
 
+SCREENS = {"desk": (1400, 900, False), "phone": (390, 844, True), "phone sideways": (844, 390, True)}
 
-async def watching(tab, scene):
+
+async def opened(tab, url, screen="desk", *, dark=False):
+    """Open the page on one of the screens."""
+    width, height, mobile = SCREENS[screen]
+    await tab.call("Emulation.setTouchEmulationEnabled", enabled=mobile)
+    await tab.look(width=width, height=height, mobile=mobile, dark=dark)
+    await tab.go(url)
+
+
+async def watching(tab, scene, screen="desk", *, dark=False):
     """Open the page and wait until it shows the car."""
-    await tab.look(width=1280, height=900)
-    await tab.go(scene.url)
+    await opened(tab, scene.url, screen, dark=dark)
     await tab.until("window.wallride && wallride.timings.count > 3 && wallride.link.newest.beat.number > 0")
 
 
@@ -54,6 +63,22 @@ async def insist(car, press, release, condition, what):
         await release()
         await asyncio.sleep(0.5)
     raise AssertionError(f"never: {what}; {car.desk.view()}")
+
+
+async def stops_and_stays(car, since_s):
+    """Wait until the car stands and see that it goes on to; return how long after a time it was told to."""
+    await car.until(lambda: car.speed_mps == 0, "it stops", within_s=3)
+    took_s = car.stopped_at_s(since_s) - since_s
+    await asyncio.sleep(0.6)
+    assert car.speed_mps == 0, "and stays so"
+    return took_s
+
+
+async def hold_pad(tab, car):
+    """Hold the drive pad until this page operates the car."""
+    await take_control(tab)
+    await tab.touch("touchStart", await tab.middle("#touch"))
+    await car.until(lambda: car.desk.view().operator == "ann@laptop", "this page operates")
 
 
 def drives_by_hand(car):

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from tests.clients.monitor.axe import violations
-from tests.clients.monitor.operating import watching
+from tests.clients.monitor.operating import stops_and_stays, watching
 from tests.promises import promise
 from wallride.clients.calibration import ways
 from wallride.clients.calibration.steps import DrivenStep
@@ -55,10 +55,14 @@ def drive(monkeypatch):
 FILE = "[car]\nwheelbase_m = 0.33\n"
 
 
-async def begin(tab, scene):
+async def wished(tab, scene):
     await watching(tab, scene)
     await tab.run("document.querySelector('#calibration').open = true")
     await tab.click("#calibration-wish button")
+
+
+async def begin(tab, scene):
+    await wished(tab, scene)
     await stage(tab, "ready")
 
 
@@ -151,10 +155,7 @@ async def test_a_page_that_goes_or_stops_while_a_step_drives_stops_the_car(scene
                 await tab.key("keyDown", " ", "Space")
             case "leave":
                 await tab.run("wallride.hands.engage(false)")
-        await car.until(lambda: car.speed_mps == 0, "it stops", within_s=3)
-        took_s = car.stopped_at_s(gone_s) - gone_s
-        await asyncio.sleep(0.6)
-        assert car.speed_mps == 0, "and stays so"
+        took_s = await stops_and_stays(car, gone_s)
         assert car.e_stop.latched is (way == "stop")
         promise(f"{way} in a calibration", took_s, GONE_S)
 
@@ -162,8 +163,6 @@ async def test_a_page_that_goes_or_stops_while_a_step_drives_stops_the_car(scene
 async def test_another_car_s_file_is_refused(scene, tab, drive, car_toml):
     car_toml.write_text("[car]\nwheelbase_m = 0.25\n")
     async with scene.car(), scene.monitor(config=car_toml):
-        await watching(tab, scene)
-        await tab.run("document.querySelector('#calibration').open = true")
-        await tab.click("#calibration-wish button")
+        await wished(tab, scene)
         await tab.until(f"{WORDS}.includes('is it its file?')")
         assert not drive.over.is_set()

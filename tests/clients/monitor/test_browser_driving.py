@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from tests.clients.monitor.operating import drive_by_touch, insist, operate, take_control, watching
+from tests.clients.monitor.operating import drive_by_touch, insist, operate, stops_and_stays, take_control, watching
 from tests.promises import promise
 
 pytestmark = pytest.mark.timeout(120)
@@ -108,11 +108,7 @@ async def test_a_page_that_goes_while_it_drives_stops_the_car(scene, tab, way, p
                     await tab.run("window.dispatchEvent(new Event('blur'))")
                 case "navigate":
                     await tab.call("Page.navigate", url="about:blank")
-            await car.until(lambda: car.speed_mps == 0, "it stops", within_s=3)
-            took_s = car.stopped_at_s(gone_s) - gone_s
-            await asyncio.sleep(0.6)
-            assert car.speed_mps == 0, "and stays so"
-            promise(f"{way}, permit {permit}", took_s, GONE_S)
+            promise(f"{way}, permit {permit}", await stops_and_stays(car, gone_s), GONE_S)
         finally:
             for number in frozen:
                 os.kill(number, signal.SIGCONT)

@@ -8,7 +8,7 @@ import pytest
 
 from tests.clients.monitor.axe import violations
 from tests.clients.monitor.fake_car import FakeCar
-from tests.clients.monitor.test_browser_access import SCREENS
+from tests.clients.monitor.operating import SCREENS, opened, take_control, watching
 from tests.system.poor_link import PoorLink, Quality
 from wallride.runtime.wire.ports import free_endpoint
 
@@ -44,10 +44,7 @@ async def cars_at(scene, count, *, slow=()):
 
 
 async def look_at_all(tab, scene, count, screen="desk", *, dark=False):
-    width, height, mobile = SCREENS[screen]
-    await tab.call("Emulation.setTouchEmulationEnabled", enabled=mobile)
-    await tab.look(width=width, height=height, mobile=mobile, dark=dark)
-    await tab.go(f"{scene.url}#all")
+    await opened(tab, f"{scene.url}#all", screen, dark=dark)
     await tab.until(f"window.wallride && {ROWS}.length === {count}", within_s=20)
     await tab.until("document.body.dataset.linked === 'true'")
 
@@ -95,18 +92,15 @@ async def test_a_car_that_does_not_confirm_is_named(scene, tab):
         deaf.desk.receive = lambda *_: None
         await tab.key("keyDown", "Escape")
         await cars[0].until(lambda: cars[0].e_stop.latched, "stopped by Esc")
-        await tab.until(
-            "document.querySelector('#stop-note').textContent === 'NOT CONFIRMED: car2'", within_s=15
-        )  # 10 s of repetition
+        note = "document.querySelector('#stop-note').textContent"
+        await tab.until(f"{note} === 'NOT CONFIRMED: car2'", within_s=15)  # 10 s of repetition
 
 
 async def test_leaving_a_car_for_all_of_them_ends_driving_it(scene, tab):
     async with cars_at(scene, 2) as cars:
-        await tab.look(width=1280, height=900)
-        await tab.go(scene.url)
-        await tab.until("window.wallride && wallride.car === 'car1' && wallride.timings.count > 3")
-        await tab.click("#drive")
-        await tab.until("document.querySelector('#pilot-state').textContent === 'ready'")
+        await watching(tab, scene)
+        await tab.until("wallride.car === 'car1'")
+        await take_control(tab)
         await tab.until("document.querySelector('#all-cars').checkVisibility()")
         await tab.click("#all-cars")
         await tab.until(f"{ROWS}.length === 2")

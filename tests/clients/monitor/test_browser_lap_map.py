@@ -1,7 +1,5 @@
 """The map of a lap in a real Chromium: pressed for, shown with its verdict and picture, raced along, or refused."""
 
-import pytest
-
 from tests.clients.monitor.axe import violations
 from tests.clients.monitor.lap_commands import NAME, OPEN, LapCommands, recorded
 from tests.clients.monitor.operating import watching
@@ -12,15 +10,10 @@ SHOWN = "[...document.querySelectorAll('#lap-map-pictures img')].map((img) => im
 VISIBLE = "['begin', 'cancel', 'race'].filter((name) => document.querySelector(`#lap-map-${name}`).checkVisibility())"
 
 
-@pytest.fixture(autouse=True)
-def data(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
-
-
 FILE = '[wall_follow]\nmethod = "ball"\n'
 
 
-async def opened(tab, scene):
+async def panel(tab, scene):
     await watching(tab, scene)
     await tab.run("document.querySelector('#lap-map').open = true")
     await tab.until("wallride.link.newest.lap_map.value?.stage === 'none'")
@@ -31,7 +24,7 @@ async def test_a_map_is_made_looked_at_and_raced_along(scene, tab, tmp_path, car
     commands.gate.clear()
     async with scene.car() as car, scene.monitor(config=car_toml, run=commands):
         car.recordings = recorded(tmp_path / "recordings")
-        await opened(tab, scene)
+        await panel(tab, scene)
         assert await tab.run(VISIBLE) == ["begin"]
         await tab.click("#lap-map-begin")
         await tab.until(f"{WORDS}.includes('Making the map of {NAME}')")
@@ -71,7 +64,7 @@ async def test_an_open_ring_is_told_and_offers_no_race(scene, tab, tmp_path, car
     commands.reasons = [OPEN]
     async with scene.car() as car, scene.monitor(config=car_toml, run=commands):
         car.recordings = recorded(tmp_path / "recordings")
-        await opened(tab, scene)
+        await panel(tab, scene)
         await tab.click("#lap-map-begin")
         await tab.until(f"{WORDS}.includes('The map is refused: the ring is open')")
         await tab.until(f"{SHOWN}.join() === '1'")
@@ -84,7 +77,7 @@ async def test_what_cannot_be_begun_is_said_and_what_is_begun_can_be_cancelled(s
     commands.gate.clear()
     async with scene.car() as car, scene.monitor(run=commands):
         car.recordings = recorded(tmp_path / "recordings")
-        await opened(tab, scene)
+        await panel(tab, scene)
         await tab.click("#lap-map-begin")
         await tab.until(f"{VISIBLE}.includes('cancel')")
         await tab.run("wallride.link.say({ t: 'map_lap', do: 'begin' })")
@@ -101,7 +94,7 @@ async def test_what_cannot_be_begun_is_said_and_what_is_begun_can_be_cancelled(s
 async def test_a_page_that_is_opened_later_shows_the_same_map(scene, tab, tmp_path):
     async with scene.car() as car, scene.monitor(run=LapCommands()):
         car.recordings = recorded(tmp_path / "recordings")
-        await opened(tab, scene)
+        await panel(tab, scene)
         await tab.click("#lap-map-begin")
         await tab.until(f"{SHOWN}.length === 2")
         await watching(tab, scene)
@@ -115,14 +108,6 @@ async def test_the_way_of_the_lap_is_told_outside_of_the_panel(tab, car):
         car.odom = {"x_m": x_m, "y_m": 0, "yaw_rad": 0}
         await tab.until(f"wallride.link.newest.status.value.odom.x_m === {x_m}")
     await tab.until("document.querySelector('#line-lap dd').innerText.startsWith('8 m of way')")
-    car.pose = {
-        "map": "lab",
-        "whereabouts": "located",
-        "x_m": 0,
-        "y_m": 0,
-        "yaw_rad": 0,
-        "std_m": 0.1,
-        "fits": 1,
-        "alike": [],
-    }
+    place = dict.fromkeys(("x_m", "y_m", "yaw_rad"), 0)
+    car.pose = {"map": "lab", "whereabouts": "located", **place, "std_m": 0.1, "fits": 1, "alike": []}
     await tab.until("!document.querySelector('#line-lap').checkVisibility()")

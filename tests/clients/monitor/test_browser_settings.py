@@ -48,12 +48,17 @@ async def test_an_undo_that_the_car_refuses_shows_what_the_car_has(tab, car):
     await tab.click("#settings-undo")
     await tab.until(f"{NOTICE}.textContent === 'wall_follow.method is ball again'")
     assert await tab.run(f"{field('wall_follow.method')}.value") == "ball"
+    assert car.settings.settings.wall_follow.method == "ball"
     assert await tab.run("document.querySelector('#settings-undo').disabled")
 
 
-async def test_a_refusal_goes_when_a_valid_value_is_taken(tab, car):
+async def test_a_refusal_is_said_in_words_and_goes_when_a_valid_value_is_taken(tab, car):
+    before = await tab.run(f"{field(DISTANCE)}.value")
     await enter(tab, DISTANCE, "-3")
-    await tab.until(f"{trouble(DISTANCE)} !== ''")
+    words = await tab.until(trouble(DISTANCE))
+    assert "desired_distance_m" in words
+    assert "-3" in words
+    assert await tab.run(f"{field(DISTANCE)}.value") == before
     await tab.until(f"{NOTICE}.dataset.kind === 'bad' && {NOTICE}.textContent.includes('-3')")
     await enter(tab, DISTANCE, "0.8")
     await car.until(lambda: car.settings.settings.wall_follow.desired_distance_m == 0.8, "set")

@@ -1,6 +1,7 @@
 """The command itself: what it prints, and what it says when it cannot."""
 
 import asyncio
+import contextlib
 import os
 import signal
 import socket
@@ -21,18 +22,24 @@ def options(*arguments):
     return found
 
 
-async def test_it_prints_its_address_and_ends_in_good_order(scene):
-    said = []
-    asked = options("--no-browser", "--port", "0", "--connect", scene.endpoint)
+@contextlib.asynccontextmanager
+async def running(*arguments, until=bool):
+    """Run the command until it has said enough, and yield that; then end it by a signal, in good order."""
+    asked, said = options("--port", "0", *arguments), []
     asked.print_line = said.append
-    running = asyncio.create_task(server.run(asked))
+    task = asyncio.create_task(server.run(asked))
     async with asyncio.timeout(5):
-        while not said:
+        while not until(said):
             await asyncio.sleep(0.01)
-    assert said[0].startswith("the monitor is at http://127.0.0.1:")
+    yield said
     os.kill(os.getpid(), signal.SIGTERM)
     async with asyncio.timeout(5):
-        assert await running == 0
+        assert await task == 0
+
+
+async def test_it_prints_its_address_and_ends_in_good_order(scene):
+    async with running("--no-browser", "--connect", scene.endpoint) as said:
+        assert said[0].startswith("the monitor is at http://127.0.0.1:")
 
 
 @pytest.mark.parametrize(
@@ -54,48 +61,28 @@ async def test_what_cannot_be_listened_on_names_the_option_that_is_wrong(address
 
 async def test_without_a_car_it_says_what_it_waits_for(monkeypatch, capfd):
     monkeypatch.setattr(links, "TOLD_AFTER_S", 0.1)
-    asked = options("--no-browser", "--port", "0", "--connect", "tcp/127.0.0.1:1")
-    running = asyncio.create_task(server.run(asked))
-    said = ""
-    async with asyncio.timeout(5):
-        while "No car at" not in said:
-            await asyncio.sleep(0.01)
-            said += capfd.readouterr().err
-    assert "wallride: No car at tcp/127.0.0.1:1. Start one: make sim here" in said
-    os.kill(os.getpid(), signal.SIGTERM)
-    async with asyncio.timeout(5):
-        assert await running == 0
+    told = []
+
+    def is_told(_said):
+        told.append(capfd.readouterr().err)
+        return "wallride: No car at tcp/127.0.0.1:1. Start one: make sim here" in "".join(told)
+
+    async with running("--no-browser", "--connect", "tcp/127.0.0.1:1", until=is_told):
+        pass
 
 
 @pytest.mark.parametrize(("further", "view"), [([], "#all"), (["--car", "car1"], "")])
 async def test_with_several_endpoints_its_address_opens_all_cars(scene, further, view):
-    said = []
-    asked = options("--no-browser", "--port", "0", "--connect", f"{scene.endpoint},tcp/127.0.0.1:1", *further)
-    asked.print_line = said.append
-    running = asyncio.create_task(server.run(asked))
-    async with asyncio.timeout(5):
-        while not said:
-            await asyncio.sleep(0.01)
-    assert said[0].partition("token=")[2].partition("#")[1:] == (view[:1], view[1:])
-    os.kill(os.getpid(), signal.SIGTERM)
-    async with asyncio.timeout(5):
-        assert await running == 0
+    async with running("--no-browser", "--connect", f"{scene.endpoint},tcp/127.0.0.1:1", *further) as said:
+        assert said[0].partition("token=")[2].partition("#")[1:] == (view[:1], view[1:])
 
 
 async def test_for_others_it_prints_the_address_as_a_code_too(scene):
-    said = []
-    asked = options("--no-browser", "--port", "0", "--host", "0.0.0.0", "--connect", scene.endpoint)
-    asked.print_line = said.append
-    running = asyncio.create_task(server.run(asked))
-    async with asyncio.timeout(5):
-        while len(said) < 3:
-            await asyncio.sleep(0.01)
-    address = said[0].removeprefix("the monitor is at ")
-    assert "token=" in address
-    assert said[2] == qr_lines(address)
-    os.kill(os.getpid(), signal.SIGTERM)
-    async with asyncio.timeout(5):
-        assert await running == 0
+    wide = ("--no-browser", "--host", "0.0.0.0", "--connect", scene.endpoint)
+    async with running(*wide, until=lambda said: len(said) >= 3) as said:
+        address = said[0].removeprefix("the monitor is at ")
+        assert "token=" in address
+        assert said[2] == qr_lines(address)
 
 
 def test_the_code_holds_the_whole_address():

@@ -37,15 +37,8 @@ class Page:
         for _ in range(round(seconds / BEAT_S)):
             self.rig.wait(BEAT_S)
             beat = self.beats[-1 - self.lag]
-            word = InputState(
-                t="hands",
-                car_session=beat.car_session,
-                beat=beat.beat,
-                held=list(held),
-                speed=speed,
-                steering=0,
-                **more,
-            )
+            now = {"car_session": beat.car_session, "beat": beat.beat, "held": list(held), "speed": speed}
+            word = InputState(t="hands", steering=0, **now, **more)
             self.send(self.driver.take_input(word, self.rig.now_s))
             self.send(self.driver.tick(self.rig.now_s))
 

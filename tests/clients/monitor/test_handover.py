@@ -1,14 +1,10 @@
 """The browser gets the page's address from a file; no other user sees it."""
 
-import asyncio
-import os
-import signal
 import webbrowser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from tests.clients.monitor.test_command import options
-from wallride.clients.monitor import server
+from tests.clients.monitor.test_command import running
 from wallride.clients.monitor.server import handed_over
 
 URL = "http://127.0.0.1:8447/?token=abcdefghijklmnop"
@@ -28,28 +24,17 @@ def test_the_file_is_its_users_alone_and_goes_with_the_monitor(tmp_path):
         assert Path(unquote(urlsplit(address).path)).parent.stat().st_mode & 0o777 == 0o700
 
 
-def opened_by(addresses):
-    def opened(address):
-        addresses.append(address)
+async def test_the_browser_is_given_the_file_and_the_terminal_the_address(scene, monkeypatch):
+    opened = []
+
+    def noted(address):
+        opened.append(address)
         return True
 
-    return opened
-
-
-async def test_the_browser_is_given_the_file_and_the_terminal_the_address(scene, monkeypatch):
-    opened, said = [], []
-    monkeypatch.setattr(webbrowser, "open", opened_by(opened))
-    asked = options("--port", "0", "--connect", scene.endpoint)
-    asked.print_line = said.append
-    running = asyncio.create_task(server.run(asked))
-    async with asyncio.timeout(5):
-        while not opened:
-            await asyncio.sleep(0.01)
-    assert "?token=" in said[0]
-    assert len(said) == 1, "no warning of a network"
-    page = Path(unquote(urlsplit(opened[0]).path))
-    assert said[0].removeprefix("the monitor is at ") in page.read_text()
-    os.kill(os.getpid(), signal.SIGTERM)
-    async with asyncio.timeout(5):
-        assert await running == 0
+    monkeypatch.setattr(webbrowser, "open", noted)
+    async with running("--connect", scene.endpoint, until=lambda _: opened) as said:
+        assert "?token=" in said[0]
+        assert len(said) == 1, "no warning of a network"
+        page = Path(unquote(urlsplit(opened[0]).path))
+        assert said[0].removeprefix("the monitor is at ") in page.read_text()
     assert not page.exists()

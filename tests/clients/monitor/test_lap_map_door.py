@@ -5,7 +5,6 @@ import contextlib
 import json
 
 import aiohttp
-import pytest
 
 from tests.clients.monitor.lap_commands import PNG, LapCommands, recorded
 from tests.clients.monitor.operating import operate
@@ -13,11 +12,6 @@ from wallride.clients.monitor.outbox import TOPICS
 from wallride.runtime.teleop.status import OperatorState
 
 LAP_MAP = TOPICS.index("lap_map")
-
-
-@pytest.fixture(autouse=True)
-def data(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
 
 
 class LapPage:

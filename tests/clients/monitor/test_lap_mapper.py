@@ -26,21 +26,6 @@ kp = 12.0
 """
 
 
-@pytest.fixture(autouse=True)
-def data(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
-    monkeypatch.delenv("STATE_DIRECTORY", raising=False)
-    return tmp_path / "data" / "wallride"
-
-
-@pytest.fixture
-def car_toml(tmp_path):
-    (tmp_path / "etc").mkdir()
-    path = tmp_path / "etc" / "car.toml"
-    path.write_text(FILE)
-    return path
-
-
 class Bench:
     """A mapper with a car that answers, and commands that answer. settings: what the car says of itself."""
 
@@ -79,9 +64,24 @@ class Bench:
         self.press()
         return await self.ended()
 
+    async def raced(self, **more):
+        self.press("race", **more)
+        return await self.ended()
 
-async def test_the_newest_recording_of_a_car_here_becomes_a_map_with_its_line(tmp_path, car_toml):
-    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+
+@pytest.fixture
+def abroad(tmp_path):
+    """A mapper on a computer with the recordings and without the car's file."""
+    return Bench(recorded(tmp_path / "recordings"))
+
+
+@pytest.fixture
+def bench(abroad, car_toml):
+    """A mapper on the car itself."""
+    return Bench(abroad.recordings, car_toml)
+
+
+async def test_the_newest_recording_of_a_car_here_becomes_a_map_with_its_line(bench, tmp_path, car_toml):
     now = await bench.made()
     target = car_toml.parent / "maps" / "car1" / NAME.replace(".mcap", ".yaml")
     line = target.with_name(NAME.replace(".mcap", ".line.csv"))
@@ -98,11 +98,9 @@ async def test_the_newest_recording_of_a_car_here_becomes_a_map_with_its_line(tm
     assert [bench.mapper.picture(name) for name in ("map", "line", "../car")] == [PNG, PNG, None]
 
 
-async def test_race_along_it_keeps_map_and_law_in_the_car_s_file(tmp_path, car_toml):
-    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+async def test_race_along_it_keeps_map_and_law_in_the_car_s_file(bench, car_toml):
     await bench.made()
-    bench.press("race")
-    now = await bench.ended()
+    now = await bench.raced()
     assert now["stage"] == "saved"
     assert bench.asked == [{"only_ask": True}, {}], "first whether it stands"
     assert now["words"][1].startswith("The car starts anew, disarmed. Carry it to where the lap began, and permit it")
@@ -116,8 +114,7 @@ async def test_race_along_it_keeps_map_and_law_in_the_car_s_file(tmp_path, car_t
         bench.press("race")
 
 
-async def test_a_race_that_was_begun_is_not_cancelled(tmp_path, car_toml):
-    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+async def test_a_race_that_was_begun_is_not_cancelled(bench, car_toml):
     await bench.made()
     bench.press("race")
     bench.press("cancel")
@@ -125,50 +122,40 @@ async def test_a_race_that_was_begun_is_not_cancelled(tmp_path, car_toml):
     assert load_settings(car_toml).wall_follow.method == "line"
 
 
-async def test_a_car_that_drives_is_told_by_name_and_its_file_stays(tmp_path, car_toml):
-    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+async def test_a_car_that_drives_is_told_by_name_and_its_file_stays(bench, car_toml):
     await bench.made()
     bench.refusals = ["no restart: only while the car stands; stop it first"]
-    bench.press("race", speed_mps=3.0)
-    now = await bench.ended()
+    now = await bench.raced(speed_mps=3.0)
     said = "no restart: only while the car stands; stop it first"
     assert (now["stage"], now["is_refused"], now["can_be_raced"], now["words"][0]) == ("good", True, True, said)
     assert car_toml.read_text() == FILE
 
 
-async def test_of_two_refusals_only_the_last_is_told(tmp_path, car_toml):
-    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+async def test_of_two_refusals_only_the_last_is_told(bench):
     about = (await bench.made())["words"]
     bench.refusals = ["no restart: the e-stop is on", "car1 does not answer"]
     for refusal in bench.refusals.copy():
-        bench.press("race")
-        assert (await bench.ended())["words"] == [refusal, *about]
-    bench.press("race")
-    assert (await bench.ended())["stage"] == "saved"
+        assert (await bench.raced())["words"] == [refusal, *about]
+    assert (await bench.raced())["stage"] == "saved"
 
 
-async def test_a_car_that_does_not_start_itself_anew_is_for_a_hand(tmp_path, car_toml):
-    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+async def test_a_car_that_does_not_start_itself_anew_is_for_a_hand(bench, car_toml):
     await bench.made()
     bench.refusals = ["", 'no restart: operator.permit = "always"']
-    bench.press("race", speed_mps=3.0)
-    now = await bench.ended()
+    now = await bench.raced(speed_mps=3.0)
     assert now["stage"] == "saved"
     assert 'sudo systemctl restart wallride (no restart: operator.permit = "always")' in now["words"][1]
     assert load_settings(car_toml).wall_follow.speed_mps == 3.0
 
 
-async def test_a_line_of_another_map_is_not_kept(tmp_path, car_toml):
+async def test_a_line_of_another_map_is_not_kept(bench, car_toml):
     car_toml.write_text(FILE + '\n[map]\nfile = "old.yaml"\nline = "old.line.csv"\n')
-    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
     await bench.made()
-    bench.press("race")
-    await bench.ended()
+    await bench.raced()
     assert load_settings(car_toml).map.line == ""
 
 
-async def test_an_open_ring_is_refused_with_its_reason_and_not_raced(tmp_path, car_toml):
-    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+async def test_an_open_ring_is_refused_with_its_reason_and_not_raced(bench, car_toml):
     bench.commands.reasons = [OPEN]
     now = await bench.made()
     assert (now["stage"], now["can_be_raced"], now["lines"]) == ("refused", False, "")
@@ -196,31 +183,29 @@ async def test_without_a_recording_nothing_is_run(recordings, said):
     assert bench.commands.words == []
 
 
-async def test_a_second_press_is_refused_until_the_first_has_ended_or_is_cancelled(tmp_path):
-    bench = Bench(recorded(tmp_path / "recordings"))
-    bench.commands.gate.clear()
-    bench.press()
+async def test_a_second_press_is_refused_until_the_first_has_ended_or_is_cancelled(abroad):
+    abroad.commands.gate.clear()
+    abroad.press()
     async with asyncio.timeout(5):
-        while not bench.commands.words:
+        while not abroad.commands.words:
             await asyncio.sleep(0)
-    assert bench.mapper.fields("car1")["stage"] == "mapping"
-    assert bench.mapper.fields("car2")["words"] == ["A map of car1's lap is being made."]
+    assert abroad.mapper.fields("car1")["stage"] == "mapping"
+    assert abroad.mapper.fields("car2")["words"] == ["A map of car1's lap is being made."]
     for do in ("begin", "race"):
         with pytest.raises(RefusedError, match="is being made: wait for it, or cancel it"):
-            bench.press(do)
-    bench.press("cancel")
-    now = await bench.ended()
+            abroad.press(do)
+    abroad.press("cancel")
+    now = await abroad.ended()
     assert (now["stage"], now["words"], now["busy"]) == ("failed", ["Cancelled."], False)
-    bench.commands.gate.set()
-    assert (await bench.made())["stage"] == "good"
+    abroad.commands.gate.set()
+    assert (await abroad.made())["stage"] == "good"
 
 
-async def test_an_objection_to_the_page_comes_before_all(tmp_path):
-    bench = Bench(recorded(tmp_path / "recordings"))
+async def test_an_objection_to_the_page_comes_before_all(abroad):
     for do in ("begin", "race"):
         with pytest.raises(RefusedError, match="car1 drives: stop it first"):
-            bench.press(do, objection="car1 drives: stop it first")
-    assert not bench.mapper.is_busy
+            abroad.press(do, objection="car1 drives: stop it first")
+    assert not abroad.mapper.is_busy
 
 
 async def test_a_recording_of_another_computer_is_fetched_and_its_map_goes_by_hand(tmp_path, data):
@@ -243,30 +228,27 @@ async def test_a_fetch_that_fails_says_why(tmp_path):
     assert now["words"] == ["The recording did not come over: car1 does not answer logs/get"]
 
 
-async def test_without_the_car_s_file_the_lines_are_shown(tmp_path, data):
-    now = await Bench(recorded(tmp_path / "recordings")).made()
+async def test_without_the_car_s_file_the_lines_are_shown(abroad, data):
+    now = await abroad.made()
     assert now["lines"].startswith(f'[map]\nfile = "{data}/maps/car1/')
     assert "Copy" not in now["words"][-1]
 
 
-async def test_another_car_s_file_is_not_written(tmp_path, car_toml):
-    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+async def test_another_car_s_file_is_not_written(bench, car_toml):
     bench.settings["car.name"] = "car2"
     now = await bench.made()
     assert not now["can_be_raced"]
     assert f"{car_toml} is of another car: car.name is car1 in it, and car2 on this car" in now["words"]
 
 
-async def test_a_simulated_car_races_by_the_simulator(tmp_path, data, car_toml):
-    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+async def test_a_simulated_car_races_by_the_simulator(bench, data):
     bench.settings["recording.simulated"] = True
     now = await bench.made()
     made = data / "maps" / "car1" / NAME.replace(".mcap", ".yaml")
     assert now["lines"] == f"wallride sim --race {made} --laps 5"
 
 
-async def test_a_map_without_a_line_is_good_and_not_raced(tmp_path, car_toml):
-    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
+async def test_a_map_without_a_line_is_good_and_not_raced(bench):
     bench.commands.failing["line"] = (2, "wallride: there is no room for the car at x 1.0 m, y 2.0 m\n")
     now = await bench.made()
     assert (now["stage"], now["can_be_raced"], now["pictures"]) == ("good", False, ["map"])
@@ -274,31 +256,27 @@ async def test_a_map_without_a_line_is_good_and_not_raced(tmp_path, car_toml):
 
 
 @pytest.mark.parametrize("code", [1, 2, -9])
-async def test_a_map_command_that_fails_says_why(tmp_path, code):
-    bench = Bench(recorded(tmp_path / "recordings"))
-    bench.commands.failing["map"] = (code, "wallride: recordings need scipy: pip install '.[map]' in the clone\n")
-    now = await bench.made()
+async def test_a_map_command_that_fails_says_why(abroad, code):
+    abroad.commands.failing["map"] = (code, "wallride: recordings need scipy: pip install '.[map]' in the clone\n")
+    now = await abroad.made()
     assert now["stage"] == "failed"
     assert now["words"] == ["No map was made: recordings need scipy: pip install '.[map]' in the clone"]
 
 
-async def test_a_file_that_cannot_take_it_stays_as_it_is(tmp_path, car_toml):
+async def test_a_file_that_cannot_take_it_stays_as_it_is(bench, car_toml):
     text = FILE.replace('"ball"  # or "report"', '"report"').replace("kp = 12.0", 'corner_rule = "lab2"')
     car_toml.write_text(text)
-    bench = Bench(recorded(tmp_path / "recordings"), car_toml)
     await bench.made()
-    bench.press("race")
-    now = await bench.ended()
+    now = await bench.raced()
     assert now["stage"] == "good", "it can be tried again"
     assert "corner_rule" in now["words"][0]
     assert car_toml.read_text() == text
 
 
-async def test_the_end_of_the_monitor_ends_a_command(tmp_path):
-    bench = Bench(recorded(tmp_path / "recordings"))
-    bench.commands.gate.clear()
-    bench.press()
+async def test_the_end_of_the_monitor_ends_a_command(abroad):
+    abroad.commands.gate.clear()
+    abroad.press()
     await asyncio.sleep(0)
     with contextlib.suppress(asyncio.CancelledError):
-        await bench.mapper.close()
-    assert not bench.mapper.is_busy
+        await abroad.mapper.close()
+    assert not abroad.mapper.is_busy
