@@ -95,8 +95,10 @@ def test_replay_and_report_take_a_recording_by_its_listed_and_by_its_bare_name(h
     name, here = Path(DRIVE.format(4)), home / "simulated" / "sim" / DRIVE.format(4)
     assert found(name) == found(Path("simulated/sim") / name) == found(here) == here
     assert found(Path("nothing.mcap")) == Path("nothing.mcap"), "left for the reader to refuse"
-    (tmp_path / name).touch()
-    assert found(name) == name, "a file here goes before a listed one"
+    (tmp_path / "simulated" / "sim").mkdir(parents=True)
+    for place in (name, Path("simulated/sim") / name):
+        (tmp_path / place).touch()
+        assert found(place) == place, "a file here goes before a listed one"
 
 
 async def test_an_odd_entry_or_folder_is_named_and_the_rest_is_listed_and_trimmed(home, monkeypatch):

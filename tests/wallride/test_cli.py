@@ -1,6 +1,5 @@
 """The command as a user types it: exit codes, one clear message, quick help, lean imports."""
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,14 +9,6 @@ import pytest
 from wallride.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-def wallride(*arguments, timeout=30):
-    return subprocess.run(
-        [sys.executable, "-m", "wallride", *arguments],
-        capture_output=True, text=True, timeout=timeout, cwd=ROOT, check=False,
-        env={**os.environ, "TERM": "dumb"},
-    )  # fmt: skip
 
 
 @pytest.fixture
@@ -33,12 +24,6 @@ def typed(capsys, monkeypatch):
             return ended.code, *capsys.readouterr()
 
     return run
-
-
-def test_help_names_the_commands():
-    answer = wallride("--help")
-    assert answer.returncode == 0
-    assert all(command in answer.stdout for command in ("run", "check", "sim"))
 
 
 @pytest.mark.parametrize(
@@ -115,33 +100,23 @@ def test_a_mistake_gets_one_clear_message_and_exit_code_2(arguments, words, type
     assert len(errors.strip().splitlines()) == 1
 
 
-def test_so_it_does_as_a_process():
-    answer = wallride("check", "--set", "wall_follow.speed_mps=99")
-    assert answer.returncode == 2
-    assert "wall_follow.speed_mps = 99" in answer.stderr
-    assert len(answer.stderr.strip().splitlines()) == 1
+def modules_after(program):
+    """Return the first names of the modules that a program in a process of its own has loaded."""
+    names = "{name.removeprefix('wallride.').split('.')[0] for name in sys.modules}"
+    program = f"{program}\nprint(); print(*{names})"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=ROOT)
+    return set(done.stdout.splitlines()[-1].split())
 
 
 def test_the_car_imports_nothing_heavy():
-    names = "{name.removeprefix('wallride.').split('.')[0] for name in sys.modules}"
-    code = f"import sys, wallride.runtime.app; print(*{names})"
-    loaded = set(
-        subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
-        ).stdout.split()
-    )
+    loaded = modules_after("import sys, wallride.runtime.app")
     heavy = {"scipy", "matplotlib", "rich", "rosbags", "PIL", "aiohttp", "zenoh", "serial", "sim", "clients", "pandas"}
     assert loaded & heavy == set()
 
 
 def test_help_loads_neither_numpy_nor_pydantic():
-    code = (
-        "import sys\nfrom wallride.cli import main\n"
-        "try: main(['--help'])\nexcept SystemExit: pass\n"
-        "print(' '.join(sorted({name.split('.')[0] for name in sys.modules})))"
-    )
-    answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
-    assert not {"numpy", "pydantic", "zenoh", "asyncio"} & set(answer.stdout.splitlines()[-1].split())
+    program = "import sys\nfrom wallride.cli import main\ntry: main(['--help'])\nexcept SystemExit as end: "
+    assert not {"numpy", "pydantic", "zenoh", "asyncio"} & modules_after(f"{program} assert not end.code")
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
@@ -172,24 +147,19 @@ def test_bash_reads_its_completion_and_completes_a_command(capsys):
         ["sim", "--headless", "--set", "telemetry.listen=tcp/127.0.0.1:99999"],
     ],
 )
-def test_an_impossible_port_is_one_sentence(arguments, capsys):
-    code: object
-    try:
-        code = main(arguments)
-    except SystemExit as end:
-        code = end.code
-    said = capsys.readouterr().err
+def test_an_impossible_port_is_one_sentence(arguments, typed):
+    code, _, said = typed(*arguments)
     assert code == 2
     assert "Traceback" not in said
     assert "port" in said
 
 
-def test_a_limit_that_was_saved_while_the_car_ran_is_said(tmp_path):
+def test_a_limit_that_was_saved_while_the_car_ran_is_said(tmp_path, typed):
     file = tmp_path / "car.toml"
     file.write_text("[safety]\nside_margin_m = 0.01 # saved while the car ran\n")
-    answer = wallride("check", str(file))
-    assert answer.returncode == 0
-    assert f"{file}: safety.side_margin_m = 0.01 was saved while the car ran: look at it" in answer.stderr
+    code, _, errors = typed("check", str(file))
+    assert code == 0
+    assert f"{file}: safety.side_margin_m = 0.01 was saved while the car ran: look at it" in errors
 
 
 def test_a_map_without_room_for_a_car_is_named_and_no_option(tmp_path, capsys):

@@ -62,9 +62,8 @@ def test_every_package_of_every_extra_is_pinned(extra):
 @pytest.mark.parametrize(("machine", "makes_maps"), [("x86_64", True), ("aarch64", True), ("armv7l", False)])
 def test_a_car_has_what_maps_need_where_there_are_wheels_for_it(machine, makes_maps):
     needed = of_a_car(machine)
-    assert {"scipy", "clarabel", "matplotlib"} & needed == (
-        {"scipy", "clarabel", "matplotlib"} if makes_maps else set()
-    )
+    of_maps = {"scipy", "clarabel", "matplotlib"}
+    assert of_maps & needed == (of_maps if makes_maps else set())
     assert {"rosbags", "ruamel-yaml", "aiohttp", "cryptography"} < needed
 
 
@@ -79,14 +78,8 @@ def test_an_installed_car_makes_a_map_s_line_with_no_other_package(tmp_path):
     assert {"optuna", "hypothesis"} < left_out, "of this computer"
     program = f"LEFT_OUT, MAKES_MAPS = {left_out!r}, {MAKES_MAPS!r}\n{WITHOUT}"
     line = tmp_path / "loop.line.csv"
-    done = subprocess.run(
-        [sys.executable, "-c", program, str(line)],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=100,
-        check=False,
-    )
+    command = [sys.executable, "-c", program, str(line)]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=100, check=False)
     assert done.returncode == 0, done.stderr
     assert line.is_file()
     assert line.with_suffix(".png").stat().st_size > 10_000

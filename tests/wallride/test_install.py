@@ -27,20 +27,26 @@ case "$*" in
 esac
 """
 
+DATE = """#!/bin/sh
+n=$(($(cat "$TICKS") + 1))
+echo $n >"$TICKS"
+echo "20261123-00000$n"
+"""
+
 
 @pytest.fixture
 def place(tmp_path):
     """An empty root, a Python, and a clock of its own, which goes on by a second a call."""
-    bin_folder = tmp_path / "bin"
-    bin_folder.mkdir()
-    for name, text in {
-        "python3": PYTHON,
-        "date": '#!/bin/sh\nn=$(($(cat "$TICKS") + 1))\necho $n >"$TICKS"\necho "20261123-00000$n"\n',
-    }.items():
-        (bin_folder / name).write_text(text)
-        (bin_folder / name).chmod(0o755)
+    program(tmp_path / "bin/python3", PYTHON)
+    program(tmp_path / "bin/date", DATE)
     (tmp_path / "ticks").write_text("0")
     return tmp_path
+
+
+def program(path, text):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    path.chmod(0o755)
 
 
 def install(place, *options, **variables):
@@ -54,8 +60,19 @@ def install(place, *options, **variables):
     )  # fmt: skip
 
 
+def updated(place, times=1):
+    for _ in range(times):
+        assert install(place, "--yes", "--no-service").returncode == 0
+
+
 def in_use(place):
     return (place / "root/opt/wallride").readlink().name
+
+
+def rolled_back(place):
+    """Go back; return what is in use then."""
+    assert install(place, "--rollback").returncode == 0
+    return in_use(place)
 
 
 def versions(place):
@@ -92,18 +109,16 @@ def test_an_update_keeps_the_version_before_and_goes_back_to_it(place):
         assert install(place, "--yes", "--no-service", "--keep", "2").returncode == 0
     assert (in_use(place), versions(place)) == ("20261123-000003", ["20261123-000002", "20261123-000003"])
     for wanted in ("20261123-000002", "20261123-000003"):
-        assert install(place, "--rollback").returncode == 0
-        assert in_use(place) == wanted
+        assert rolled_back(place) == wanted
 
 
 def test_the_newest_versions_stay_and_torsos_go(place):
-    for _ in range(5):
-        assert install(place, "--yes", "--no-service").returncode == 0
+    updated(place, 5)
     assert versions(place) == ["20261123-000003", "20261123-000004", "20261123-000005"]
     for _ in range(2):  # in use again: the older one, which no later update may remove
         assert install(place, "--rollback").returncode == 0
     (place / "root/opt/wallride-versions/20261123-000003/installed").unlink()
-    assert install(place, "--yes", "--no-service").returncode == 0
+    updated(place)
     assert versions(place) == ["20261123-000004", "20261123-000005", "20261123-000006"]
 
 
@@ -119,7 +134,7 @@ def test_a_second_installation_at_once_is_refused(place):
 
 
 def test_a_car_that_became_armed_during_the_work_keeps_its_version(place):
-    assert install(place, "--yes", "--no-service").returncode == 0
+    updated(place)
     # It says "disarmed" before the work, and "armed" after it.
     (place / "answers").write_text("disarmed,ready,ready\narmed,ready,ready\n")
     refused = install(place, "--yes", "--no-service", ANSWERS=str(place / "answers"))
@@ -140,19 +155,19 @@ def test_a_car_that_became_armed_during_the_work_keeps_its_version(place):
     ],
 )
 def test_the_car_is_asked_where_its_settings_say_that_it_listens(settings, asked_at, place):
-    assert install(place, "--yes", "--no-service").returncode == 0
+    updated(place)
     file = place / "root/etc/wallride/car.toml"
     if settings is not None:
         file.parent.mkdir(parents=True)
         file.write_text(settings)
     (place / "calls").write_text("")
-    assert install(place, "--yes", "--no-service").returncode == 0
+    updated(place)
     asked = [line.split()[1:] for line in (place / "calls").read_text().splitlines() if " status " in line]
     assert asked == [["status", "--json", *asked_at]] * 2, "before the work, and before the switch"
 
 
 def test_a_step_that_fails_in_the_switch_is_taken_back(place):
-    assert install(place, "--yes", "--no-service").returncode == 0
+    updated(place)
     command = place / "root/usr/local/bin/wallride"
     command.unlink()
     command.mkdir()
@@ -169,18 +184,14 @@ def test_a_failed_update_changes_nothing(place):
 
 
 def by_hand(place):
-    program = place / "root/opt/wallride/bin/wallride"
-    program.parent.mkdir(parents=True)
-    program.write_text("#!/bin/sh\n")
-    program.chmod(0o755)
+    program(place / "root/opt/wallride/bin/wallride", "#!/bin/sh\n")
 
 
 def test_an_installation_by_hand_is_kept_as_the_version_before(place):
     by_hand(place)
     assert install(place, "--yes").returncode == 0
     assert in_use(place) == "20261123-000001"
-    assert install(place, "--rollback").returncode == 0
-    assert in_use(place) == "by-hand"
+    assert rolled_back(place) == "by-hand"
 
 
 def test_a_wheelhouse_is_the_only_source(place):
@@ -206,10 +217,7 @@ def test_a_mistake_is_one_sentence(options, variables, said, place):
 
 def archive(place, text=PYTHON):
     """An archive with a Python that only pretends."""
-    folder = place / "packed/python/bin"
-    folder.mkdir(parents=True)
-    (folder / "python3").write_text(text)
-    (folder / "python3").chmod(0o755)
+    program(place / "packed/python/bin/python3", text)
     file = place / "cpython-3.12.7.tar.gz"
     subprocess.run(["tar", "-czf", file, "-C", place / "packed", "python"], check=True)
     return file
@@ -260,23 +268,17 @@ esac
 
 def served(place, *options, bad="nothing"):
     """Install with a service that runs, and that does not start with the version `bad`."""
-    for name, text in {"systemctl": SYSTEMCTL, "sleep": "#!/bin/sh\n"}.items():
-        (place / "bin" / name).write_text(text)
-        (place / "bin" / name).chmod(0o755)
+    program(place / "bin/systemctl", SYSTEMCTL)
+    program(place / "bin/sleep", "#!/bin/sh\n")
     (place / "state").write_text("active\n")
     variables = {"SYSTEMCTL": str(place / "bin/systemctl"), "STATE": str(place / "state"), "BAD": bad}
     return install(place, *options, "--force", **variables)
 
 
-def updated(place, times):
-    for _ in range(times):
-        assert install(place, "--yes", "--no-service").returncode == 0
-
-
 @pytest.mark.parametrize("left", ["link", "folder", "file"])
 @pytest.mark.parametrize("name", ["opt/wallride.new", "opt/wallride-versions/before.new", "usr/local/bin/wallride.new"])
 def test_what_an_installation_that_was_cut_off_left_behind_is_in_no_ones_way(place, name, left):
-    updated(place, 1)
+    updated(place)
     path = place / "root" / name
     if left == "link":
         path.symlink_to("/opt/wallride-versions/gone")
@@ -284,19 +286,18 @@ def test_what_an_installation_that_was_cut_off_left_behind_is_in_no_ones_way(pla
         path.mkdir()
     else:
         path.write_text("")
-    updated(place, 1)
+    updated(place)
     assert in_use(place) == "20261123-000002"
-    assert install(place, "--rollback").returncode == 0
-    assert in_use(place) == "20261123-000001"
+    assert rolled_back(place) == "20261123-000001"
     assert not os.path.lexists(path)
 
 
 def test_whatever_roots_umask_is_the_services_user_can_read_the_version(place):
     before = os.umask(0o077)
     try:
-        updated(place, 1)
+        updated(place)
         (place / "root/opt/wallride-versions").chmod(0o700)  # as an older installation left it
-        updated(place, 1)
+        updated(place)
     finally:
         os.umask(before)
     closed = [
@@ -328,7 +329,7 @@ def test_a_rollback_that_does_not_start_brings_the_version_that_ran_back(place):
 
 
 def test_an_update_that_does_not_start_brings_the_version_that_ran_back(place):
-    updated(place, 1)
+    updated(place)
     failed = served(place, "--yes", "--no-service", bad="000002")
     assert (failed.returncode, in_use(place), versions(place)) == (3, "20261123-000001", ["20261123-000001"])
     assert (place / "state").read_text() == "active\n"
@@ -337,15 +338,14 @@ def test_an_update_that_does_not_start_brings_the_version_that_ran_back(place):
 def test_where_the_version_in_use_is_gone_an_installation_makes_a_new_one_and_keeps_the_one_before(place):
     updated(place, 2)
     shutil.rmtree(place / "root/opt/wallride-versions/20261123-000002")
-    updated(place, 1)
+    updated(place)
     assert in_use(place) == "20261123-000003"
-    assert install(place, "--rollback").returncode == 0
-    assert in_use(place) == "20261123-000001"
+    assert rolled_back(place) == "20261123-000001"
 
 
 def test_where_the_version_in_use_is_gone_a_new_one_that_does_not_start_stays(place):
     """It is all that there is: a way back would be a link to nothing."""
-    updated(place, 1)
+    updated(place)
     shutil.rmtree(place / "root/opt/wallride-versions/20261123-000001")
     failed = served(place, "--yes", "--no-service", bad="000002")
     assert (failed.returncode, "no version before this one to go back to" in failed.stdout) == (3, True), failed
@@ -357,8 +357,7 @@ def test_an_update_cut_off_between_its_links_leaves_a_way_back(place):
     before = place / "root/opt/wallride-versions/before"
     before.unlink()
     before.symlink_to((place / "root/opt/wallride").readlink())  # "before" is switched first
-    assert install(place, "--rollback").returncode == 0
-    assert in_use(place) == "20261123-000001"
+    assert rolled_back(place) == "20261123-000001"
 
 
 def test_an_installation_by_hand_that_was_moved_and_not_linked_is_found_again(place):
@@ -367,9 +366,8 @@ def test_an_installation_by_hand_that_was_moved_and_not_linked_is_found_again(pl
     (place / "root/opt/wallride").rename(place / "root/opt/wallride-versions/by-hand")
     assert install(place, "--yes", "--no-service", BROKEN="1").returncode == 1
     assert in_use(place) == "by-hand"
-    updated(place, 1)
-    assert install(place, "--rollback").returncode == 0
-    assert in_use(place) == "by-hand"
+    updated(place)
+    assert rolled_back(place) == "by-hand"
 
 
 def test_a_wheel_for_a_car_that_cannot_be_built_has_the_reason(tmp_path, monkeypatch):
@@ -377,9 +375,7 @@ def test_a_wheel_for_a_car_that_cannot_be_built_has_the_reason(tmp_path, monkeyp
     car = CarPlatform("x86_64", (2, 36), (3, 11, 0))
     with pytest.raises(DeployError, match=r"could not be built: .*Expected"):
         wheelhouse.build_wheel(tmp_path, tmp_path, car)
-    python = tmp_path / "python3"
-    python.write_text("#!/bin/sh\necho 'No module named hatchling' >&2\nexit 1\n")
-    python.chmod(0o755)
-    monkeypatch.setattr(sys, "executable", str(python))
+    program(tmp_path / "python3", "#!/bin/sh\necho 'No module named hatchling' >&2\nexit 1\n")
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python3"))
     with pytest.raises(DeployError, match="python3 -m pip install hatchling"):
         wheelhouse.build_wheel(tmp_path, tmp_path, car)

@@ -11,11 +11,7 @@ from wallride import cli
 from wallride.runtime.line_files import read_line
 from wallride.sim.racing.raceline import _with_speed
 
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("here")
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from wallride.sim.mapping.lap_record import read_record, wheel_words
 from wallride.sim.mapping.verdict import judge_map
 from wallride.sim.world.map_file import read_geometry
 
+pytestmark = pytest.mark.usefixtures("here")
 FOLLOW = {"wall_follow": {"speed_mps": 4.0}}
 
 
@@ -26,24 +27,13 @@ def recordings(tmp_path_factory):
     return folder
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def test_a_recorded_lap_becomes_a_map_and_the_map_a_line(recordings, here, capsys):
     assert cli.main(["map", str(recordings / "lap.mcap"), "-o", "lab.yaml"]) == 0
     said = capsys.readouterr().out
     assert "by wheels and steering, without a gyro" in said
     assert said.endswith("verdict: good\n")
-    assert sorted(file.name for file in here.iterdir()) == [
-        "lab.path.csv",
-        "lab.pgm",
-        "lab.png",
-        "lab.walls.csv",
-        "lab.yaml",
-    ]
+    made = {"lab.path.csv", "lab.pgm", "lab.png", "lab.walls.csv", "lab.yaml"}
+    assert {file.name for file in here.iterdir()} == made
     _, area_m2 = read_geometry(here / "lab.yaml")
     assert area_m2 == pytest.approx(64.0, rel=0.06), "12 x 8 m less 8 x 4 m"
     assert cli.main(["line", "lab.yaml", "--json", "-"]) == 0

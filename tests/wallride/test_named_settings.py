@@ -24,13 +24,8 @@ READING = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("line", [f"{command} --config car.toml" for command in READING])
-def test_a_file_is_named_by_an_option_of_each_command(line):
-    assert build_parser().parse_args(line.split()).config == Path("car.toml")
-
-
-@pytest.mark.parametrize("line", [f"{command} car.toml" for command in PLAIN])
-def test_a_file_is_the_argument_of_a_command_without_others(line):
+@pytest.mark.parametrize("line", [f"{one} --config car.toml" for one in READING] + [f"{one} car.toml" for one in PLAIN])
+def test_a_file_is_named_by_an_option_of_each_command_and_is_the_argument_of_one_without_others(line):
     assert build_parser().parse_args(line.split()).config == Path("car.toml")
 
 

@@ -98,16 +98,7 @@ def test_the_first_program_of_the_docs_is_typed_against_an_installed_wheel(insta
     text = (ROOT / "docs" / "python.md").read_text()
     program = text.split("```python\n", 1)[1].split("```")[0]
     (tmp_path / "program.py").write_text(program + "\nreveal_type(wallride.connect())\n")
-    command = [
-        sys.executable,
-        "-m",
-        "mypy",
-        "--strict",
-        "--config-file=",
-        "--python-executable",
-        installed,
-        "program.py",
-    ]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    mypy = [sys.executable, "-m", "mypy", "--strict", "--config-file=", "--python-executable", installed, "program.py"]
+    done = subprocess.run(mypy, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "wallride.clients.remote.car.RemoteCar" in done.stdout
     assert done.returncode == 0, done.stdout

@@ -83,9 +83,18 @@ def test_defaults_and_values(line, expected):
         ("plot --seconds 0", "write a number of seconds from 1 to 600"),
         ("record", "the following arguments are required: action"),
         ("lab", "the following arguments are required: EXPERIMENT"),
+        ("bench latency --runs 0", "argument --runs: at least 1"),
+        ("vesc set --nothing x", "wallride vesc set: unrecognized arguments: --nothing (wallride vesc set --help"),
+        ("race --laps 3", "unrecognized arguments: --laps (wallride race --help"),
+        ("lab walls --jobs 0", "argument --jobs: at least 1"),
+        ("lab sweep table.toml --jobs 0", "argument --jobs: at least 1"),
+        ("lab report --jobs 0", "argument --jobs: at least 1"),
+        ("lab tune --trials 0", "argument --trials: at least 1"),
+        ("lab hazards --jobs two", "argument --jobs: invalid whole number value: 'two'"),
+        *((f"lab fit run.mcap --wheelbase {value}", "argument --wheelbase: ") for value in ("nan", "-1", "0", "x")),
     ],
 )
-def test_a_value_that_cannot_be_used_is_refused_with_its_bounds(line, said, capsys):
+def test_what_cannot_be_used_is_refused_with_its_bounds_and_by_its_own_command(line, said, capsys):
     with pytest.raises(SystemExit) as end:
         main(line.split())
     assert end.value.code == 2
@@ -133,29 +142,3 @@ def test_a_missing_package_is_one_sentence_that_names_the_extra(monkeypatch, cap
     said = capsys.readouterr().err
     assert "the monitor needs" in said
     assert ".[monitor]" in said
-
-
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("bench latency --runs 0", "argument --runs: at least 1"),
-        ("vesc set --nothing x", "wallride vesc set: unrecognized arguments: --nothing (wallride vesc set --help"),
-        ("race --laps 3", "unrecognized arguments: --laps (wallride race --help"),
-        ("lab walls --jobs 0", "argument --jobs: at least 1"),
-        ("lab sweep table.toml --jobs 0", "argument --jobs: at least 1"),
-        ("lab report --jobs 0", "argument --jobs: at least 1"),
-        ("lab tune --trials 0", "argument --trials: at least 1"),
-        ("lab hazards --jobs two", "argument --jobs: invalid whole number value: 'two'"),
-    ],
-)
-def test_a_wrong_option_names_its_own_command(line, words, capsys):
-    with pytest.raises(SystemExit):
-        main(line.split())
-    assert words in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("value", ["nan", "-1", "0", "x"])
-def test_a_wheelbase_that_no_car_has_is_refused(value, capsys):
-    with pytest.raises(SystemExit, match="2"):
-        parsed(f"lab fit run.mcap --wheelbase {value}")
-    assert "argument --wheelbase: " in capsys.readouterr().err

@@ -8,10 +8,9 @@ from wallride.parser import writable, writable_files, writable_map, writable_pat
 
 
 @pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def files(here):
     for name in ("lab.yaml", "lab.pgm", "lab.png", "lab.walls.csv", "lab.path.csv", "lab.line.csv", "drive.mcap"):
-        (tmp_path / name).write_text("kept")
+        (here / name).write_text("kept")
 
 
 def refused(convert, name):

@@ -18,6 +18,7 @@ from wallride.sim.mapping import pose_command
 from wallride.sim.replay.drive_log import decode, read_log
 from wallride.sim.replay.reenact import reenact
 
+pytestmark = pytest.mark.usefixtures("here")
 FOLLOW = {"wall_follow": {"speed_mps": 4.0}}
 
 
@@ -28,12 +29,6 @@ def folder(tmp_path_factory):
     record(folder / "again.mcap", seconds=6.0, sections={"wall_follow": {"speed_mps": 3.0}})
     assert cli.main(["map", str(folder / "lap.mcap"), "-o", str(folder / "lab.yaml")]) == 0
     return folder
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def test_another_drive_is_found_where_the_laps_begin(folder, here, capsys):

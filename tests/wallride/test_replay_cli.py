@@ -11,7 +11,6 @@ import pytest
 
 from tests.sim.replay.recorded import record
 from tests.typed import typed
-from wallride import replay_options
 from wallride.runtime.recording.decision_codec import decode
 from wallride.runtime.recording.decision_log import SettingsEvent
 from wallride.runtime.recording.laws_fingerprint import laws_fingerprint
@@ -181,18 +180,3 @@ def test_a_speed_beyond_reason_is_refused(drive, speed, capsys):
     with pytest.raises(SystemExit):
         wallride("replay", drive, "--publish", "--speed", speed)
     assert "--speed" in capsys.readouterr().err
-
-
-def test_a_recording_is_found_by_the_name_that_logs_lists(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    monkeypatch.delenv("STATE_DIRECTORY", raising=False)
-    monkeypatch.chdir(tmp_path)
-    listed = tmp_path / "wallride" / "recordings" / "simulated" / "sim" / "a.mcap"
-    listed.parent.mkdir(parents=True)
-    listed.touch()
-    assert replay_options.found(Path("simulated/sim/a.mcap")) == listed
-    here = Path("b.mcap")
-    assert replay_options.found(here) == here
-    (tmp_path / "simulated" / "sim").mkdir(parents=True)
-    (tmp_path / "simulated" / "sim" / "a.mcap").touch()
-    assert replay_options.found(Path("simulated/sim/a.mcap")) == Path("simulated/sim/a.mcap")

@@ -11,13 +11,7 @@ from wallride.clients.teleop.pilot import DeadmanFault, Pilot
 from wallride.runtime.arbitration.command import Source
 from wallride.runtime.wire.teleop import Press
 
-MANUAL, AUTONOMY, ESTOP, RESET, TAKE_OVER = (
-    Control.MANUAL,
-    Control.AUTONOMY,
-    Control.ESTOP,
-    Control.RESET,
-    Control.TAKE_OVER,
-)
+MANUAL, AUTONOMY, ESTOP, RESET, TAKE_OVER = map(Control, ("manual", "autonomy", "estop", "reset", "take_over"))
 STRANGER = 5
 DRIVING = hands(MANUAL, speed=1.0)
 

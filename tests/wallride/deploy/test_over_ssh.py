@@ -205,15 +205,18 @@ def test_a_car_that_is_off_has_a_remedy(car, clone, capfd):
     car.start()
 
 
-def test_a_full_disk_is_said_before_anything_is_copied(car, clone, capfd):
-    car.tool("df", "#!/bin/sh\nprintf 'Filesystem\\nx 100 90 1000 90%% /\\n'\n")
+@pytest.mark.parametrize(
+    ("tool", "script", "said"),
+    [
+        ("df", "printf 'Filesystem\\nx 100 90 1000 90%% /\\n'", "the car's disk is too full"),
+        ("tar", "cat >/dev/null; echo 'tar: x: Cannot write: No space left on device' >&2; exit 2",
+         "no space left on its disk"),
+    ],
+    ids=["said before anything is copied", "it fills up"],
+)  # fmt: skip
+def test_a_full_disk_changes_nothing(tool, script, said, car, clone, capfd):
+    car.tool(tool, f"#!/bin/sh\n{script}\n")
     assert deploy(car, clone) == 2
-    assert "the car's disk is too full" in capfd.readouterr().err
-    assert not list((car.folder / "home").rglob("*.whl"))
-
-
-def test_a_disk_that_fills_up_changes_nothing(car, clone, capfd):
-    car.tool("tar", "#!/bin/sh\ncat >/dev/null\necho 'tar: x: Cannot write: No space left on device' >&2\nexit 2\n")
-    assert deploy(car, clone) == 2
-    assert "no space left on its disk" in capfd.readouterr().err
+    assert said in capfd.readouterr().err
     assert car.in_use() is None
+    assert not list((car.folder / "home").rglob("*.whl"))

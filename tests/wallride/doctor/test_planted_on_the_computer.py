@@ -7,7 +7,7 @@ import pytest
 
 from tests.runtime.test_line_files import in_the_box
 from tests.runtime.test_map_files import box, write
-from tests.wallride.doctor.fakes import NOW, PAD, ROUTES, changed, healthy, link, put, settings, usb
+from tests.wallride.doctor.fakes import PAD, ROUTES, changed, healthy, link, put, settings, usb
 from wallride.doctor.access import check_access
 from wallride.doctor.condition import check_condition
 from wallride.doctor.examine import examine
@@ -240,7 +240,3 @@ def test_the_compiled_functions(words, complete, level, remedy):
     found = judge_kernel(words, complete=complete)
     assert found.level is level
     assert remedy in found.remedy
-
-
-def test_the_clock_of_the_tests_is_after_the_program():
-    assert datetime.fromtimestamp(NOW, UTC).year == 2026

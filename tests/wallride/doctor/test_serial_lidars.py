@@ -69,26 +69,31 @@ async def test_a_healthy_lidar_is_ok(tmp_path, maker):
     assert not device.streaming
 
 
-async def test_a_ydlidar_on_the_port_of_an_rplidar_is_named(tmp_path):
-    told = await found(emulated(YdlidarDevice(X2)), rplidar(tmp_path / "lidar"), tmp_path / "lidar")
-    assert told["lidar"].level is Level.FAIL
-    assert 'lidar.driver = "ydlidar"' in told["lidar"].remedy
-
-
-async def test_a_motor_that_takes_too_much_is_named(tmp_path):
-    device = RplidarDevice()
-    device.refuses = True
-    told = await found(emulated(device), rplidar(tmp_path / "lidar"), tmp_path / "lidar")
-    assert told["lidar"].level is Level.FAIL
-    assert "hub with a supply" in told["lidar"].remedy
-
-
-async def test_silence_is_a_matter_of_supply_and_speed(tmp_path):
+def silent() -> TurningEmulator:
     emulator = emulated(RplidarDevice())
     emulator.silence = True
-    told = await found(emulator, rplidar(tmp_path / "lidar"), tmp_path / "lidar")
+    return emulator
+
+
+def refusing() -> TurningEmulator:
+    device = RplidarDevice()
+    device.refuses = True
+    return emulated(device)
+
+
+@pytest.mark.parametrize(
+    ("plugged_in", "remedy"),
+    [
+        (lambda: emulated(YdlidarDevice(X2)), 'lidar.driver = "ydlidar"'),
+        (refusing, "hub with a supply"),
+        (silent, "5 V"),
+    ],
+    ids=["a ydlidar", "a motor that takes too much", "silence"],
+)
+async def test_what_is_wrong_at_the_port_of_an_rplidar_has_its_remedy(tmp_path, plugged_in, remedy):
+    told = await found(plugged_in(), rplidar(tmp_path / "lidar"), tmp_path / "lidar")
     assert told["lidar"].level is Level.FAIL
-    assert "5 V" in told["lidar"].remedy
+    assert remedy in told["lidar"].remedy
 
 
 async def test_an_error_that_was_reset_is_told(tmp_path):
@@ -139,8 +144,7 @@ async def test_what_auto_finds_is_named_and_looked_at(tmp_path):
 
 
 async def test_what_auto_cannot_find_is_told_with_its_remedy(tmp_path):
-    device, path = emulated(RplidarDevice()), tmp_path / "lidar"
-    device.silence = True
+    device, path = silent(), tmp_path / "lidar"
     chosen = settings("lidar.driver=auto", f"lidar.address=serial://{path}")
     told = await looked_at(device, path, tmp_path, chosen)
     assert told["lidar"].level is Level.FAIL

@@ -122,9 +122,13 @@ def test_a_step_needs_a_reset_before_it():
         ({"strat": (1.0, 0.2, 0.1)}, "options 'strat': only \"start\" is known"),
         ({"start": ("1", "0", "0")}, "it must be three numbers"),
         ({"start": (1j, 0, 0)}, "it must be three numbers"),
+        ({"start": (0.0, 0.0)}, "three numbers"),
+        ({"start": (math.nan, 0.0, 0.0)}, "outside corridor"),
+        ({"start": (0.0, 0.0, math.nan)}, "outside corridor"),
+        ({"start": (1000.0, 1000.0, 0.0)}, "outside corridor"),
     ],
 )
-def test_misspelt_options_of_a_reset_are_named(options, words):
+def test_options_of_a_reset_that_name_no_start_are_refused(options, words):
     with pytest.raises(ValueError, match=words):
         WallFollowEnv("corridor").reset(options=options)
 
@@ -184,17 +188,3 @@ def test_what_no_environment_can_be_made_of_is_one_sentence(wrong, words):
     with pytest.raises(ValueError, match=words) as told:
         WallFollowEnv("corridor", **wrong)
     assert "\n" not in str(told.value)
-
-
-@pytest.mark.parametrize(
-    ("start", "words"),
-    [
-        ((0.0, 0.0), "three numbers"),
-        ((math.nan, 0.0, 0.0), "outside corridor"),
-        ((0.0, 0.0, math.nan), "outside corridor"),
-        ((1000.0, 1000.0, 0.0), "outside corridor"),
-    ],
-)
-def test_a_start_that_is_no_place_of_the_world_is_refused(start, words):
-    with pytest.raises(ValueError, match=words):
-        WallFollowEnv("corridor").reset(options={"start": start})

@@ -40,9 +40,14 @@ def words(monkeypatch):
     return FakeDevices.words
 
 
-def test_orders_go_through_and_the_end_is_a_stop_and_neutral(words):
+def opened():
     one = command.PulseBench(load_settings(None, ["motor.driver=maestro"]))
     one.open(1500.0, 1510.0)
+    return one
+
+
+def test_orders_go_through_and_the_end_is_a_stop_and_neutral(words):
+    one = opened()
     assert one.write(1490.0, 1600.0, 1510.0) == (1490.0, 1600.0)
     one.close(1400.0, 1510.0)
     assert words == ["made 1500 1510", "open", "order 1600, then 1510", "stop 1400, then 1510"]
@@ -55,8 +60,7 @@ def test_orders_go_through_and_the_end_is_a_stop_and_neutral(words):
 @pytest.mark.parametrize("number", command.ENDING)
 def test_a_terminal_that_goes_away_ends_in_neutral(words, number):
     before = signal.getsignal(number)
-    one = command.PulseBench(load_settings(None, ["motor.driver=maestro"]))
-    one.open(1500.0, 1510.0)
+    one = opened()
     with pytest.raises(SystemExit):
         os.kill(os.getpid(), number)
     one.close(1400.0, 1510.0)
@@ -69,8 +73,7 @@ def test_an_error_of_the_devices_reaches_the_step(words, monkeypatch):
         raise CalibrationError("no scan")
 
     monkeypatch.setattr(FakeDevices, "instead", staticmethod(lost))
-    one = command.PulseBench(load_settings(None, ["motor.driver=maestro"]))
-    one.open(1500.0, 1510.0)
+    one = opened()
     with pytest.raises(CalibrationError, match="no scan"):
         one.next_scan()
     one.close(1400.0, 1510.0)
