@@ -99,7 +99,7 @@ async def find_car(bus: Bus, name: str | None, *, whose: str = "", timeout_s: fl
     whose: the name on the certificate, "" without one; a car does not answer names that it does not list.
     """
     if name is not None and not re.fullmatch(r"[a-z0-9][a-z0-9_-]*", name):
-        raise ConnectionProblemError(f"--car {name}: is not a car's name; write it like car1")
+        raise ConnectionProblemError(f"{name!r} is not a car's name; write it like car1")
     found = Cars(bus)
     try:
         async with asyncio.timeout(timeout_s):

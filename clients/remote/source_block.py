@@ -40,11 +40,14 @@ class SourceBlock(ABC):
         self._hand = hand
         self._call = call
         self._refused = refused
-        self._told = False
+        self._told = self._was_entered = False
         self._bus: Bus | None = None
         self._loop: asyncio.Task[None] | None = None
 
     def __enter__(self) -> Self:
+        if self._was_entered:  # what it pressed and heard is of that time
+            raise self._refused("a block is used once", f"begin anew with {self._call}")
+        self._was_entered = True
         try:
             self._thread.call(self._begin(), begins=True)
         except BaseException:  # a Ctrl-C too: what has begun would keep the car

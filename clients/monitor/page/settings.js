@@ -79,11 +79,11 @@ export class Settings {
   }
 
   /** Resolves to what the car has now, undefined when it refused. */
-  async #set(name, value, isUndo = false) {
+  async #set(name, value, undone) {
     let has;
     try {
-      const { changed, unsaved } = await this.#link.ask("param/set", { values: { [name]: value } });
-      if (!isUndo && changed.length) this.#remember(changed);
+      const { changed, unsaved } = await this.#link.ask("param/set", { values: undone ?? { [name]: value } });
+      if (!undone && changed.length) this.#remember(name, changed);
       this.#unsaved = unsaved;
       has = changed.find((change) => change.name === name)?.new ?? await this.#read(name);
       this.#rows.get(name)?.settle(has);
@@ -99,19 +99,22 @@ export class Settings {
 
   async #read(name) { return (await this.#link.ask("param/get", { names: [name] })).values[name]; }
 
-  /** One drag of a slider is one step to undo. */
-  #remember(changed) {
+  /** One drag of a slider is one step to undo, and so is a method with the settings that it changed. */
+  #remember(name, changed) {
     const last = this.#undo.at(-1);
     const nowMs = performance.now();
-    if (last && last.name === changed[0].name && nowMs - last.ms < 1000) last.ms = nowMs;
-    else this.#undo.push({ name: changed[0].name, old: changed[0].old, ms: nowMs });
+    if (last && last.name === name && nowMs - last.ms < 1000) last.ms = nowMs;
+    else {
+      const had = changed.filter(({ old }) => old !== null).map((change) => [change.name, change.old]);
+      this.#undo.push({ name, had: Object.fromEntries(had), ms: nowMs });
+    }
     if (this.#undo.length > 100) this.#undo.shift();
   }
 
   async #undoLast() {
     const last = this.#undo.at(-1);
     if (!last) return;
-    const has = await this.#set(last.name, last.old, true);
+    const has = await this.#set(last.name, last.had[last.name], last.had);
     if (has === undefined) return; // refused: it can be tried again, for example when the car stands
     this.#undo.splice(this.#undo.indexOf(last), 1);
     this.#showButtons();

@@ -35,7 +35,8 @@ async def enter(tab, name, value):
     await tab.run(f"{field(name)}.value = {json.dumps(value)}; {field(name)}.dispatchEvent(new Event('change'))")
 
 
-async def test_an_undo_that_the_car_refuses_shows_what_the_car_has(tab, car):
+async def test_an_undo_that_the_car_refuses_shows_what_the_car_has_and_one_of_a_method_has_its_gains(tab, car):
+    car.settings.set_some(json.dumps({"values": {"wall_follow.kp": 10.0}}).encode())
     await enter(tab, "wall_follow.method", "report")
     await car.until(lambda: car.settings.settings.wall_follow.method == "report", "set")
     await tab.until("document.querySelector('#settings-undo').textContent === 'Undo method'")
@@ -48,7 +49,7 @@ async def test_an_undo_that_the_car_refuses_shows_what_the_car_has(tab, car):
     await tab.click("#settings-undo")
     await tab.until(f"{NOTICE}.textContent === 'wall_follow.method is ball again'")
     assert await tab.run(f"{field('wall_follow.method')}.value") == "ball"
-    assert car.settings.settings.wall_follow.method == "ball"
+    assert (car.settings.settings.wall_follow.method, car.settings.settings.wall_follow.kp) == ("ball", 10.0)
     assert await tab.run("document.querySelector('#settings-undo').disabled")
 
 

@@ -45,6 +45,8 @@ async def test_driving_releases_first_then_presses_then_says_goodbye():
         def script(remote):
             with remote.drive(max_speed_mps=1.0) as hand:
                 send_until(hand, lambda: Press.MANUAL in car.flags[:-5], 1.0)
+            with pytest.raises(DriveRefusedError, match="used once"), hand:
+                pass
 
         await at(car, script, name="ann")
         await car.heard(Press.GOODBYE)

@@ -47,6 +47,7 @@ export class Calibration {
 
   /** The step is driven under the page's hands: from here on they are its deadman, not a wish to drive. */
   #drive() {
+    $("calibration-drive").disabled = true; // a second click would end it
     this.#hands.engage(false);
     this.#say({ do: "drive" });
     this.#hands.engage(true);
