@@ -13,10 +13,11 @@ import sys
 import time
 
 import numpy as np
+import pytest
 
 os.environ["WALLRIDE_COMPILED"] = "0"
 
-from tests.compiled_laws import import_laws
+from tests.compiled_laws import import_laws, put_in_place
 from tests.runtime.control.localization.rooms import ring
 from tests.runtime.control.localization.test_localizer import BOXES, CORNER
 from tests.runtime.kernel.sameness import Drive, ranges
@@ -51,7 +52,8 @@ def collect(seed):
 
         return answer
 
-    with _in_place({name: listening(name, one) for name, one in FUNCTIONS.items()}):
+    with pytest.MonkeyPatch.context() as patch:
+        put_in_place(patch, {name: listening(name, one) for name, one in FUNCTIONS.items()})
         drive = Drive()
         for scan in range(SCANS):
             drive.see_ranges(ranges(seed * 1000 + scan // 3), speed_mps=(0.0, 2.0, 6.0)[scan % 3])
@@ -76,26 +78,6 @@ def _look_along_ways(random):
         footprint.slide_room_m(path.place_m, path.heading, places_m, 0.45, 0.2)
         geometry.beside_path_m(places_m, path.place_m)
         bending.bounds_of(path.place_m, path.heading, CourseBorders(places_m[:200], places_m[200:]))
-
-
-class _in_place:  # noqa: N801 - used like a function
-    """Put functions in the place of the Python ones, wherever these are bound."""
-
-    def __init__(self, answers):
-        self._answers = answers
-        self._before = []
-
-    def __enter__(self):
-        for module in list(sys.modules.values()):
-            names = getattr(module, "__dict__", {})
-            for name in self._answers.keys() & names.keys():
-                if names[name] is FUNCTIONS[name].python:
-                    self._before.append((module, name, names[name]))
-                    setattr(module, name, self._answers[name])
-
-    def __exit__(self, *_):
-        for module, name, function in self._before:
-            setattr(module, name, function)
 
 
 def changed(value, rng):

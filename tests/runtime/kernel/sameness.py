@@ -50,7 +50,32 @@ def assert_same(name, one, other):
     elif isinstance(one, float):
         assert other == one or other == pytest.approx(one, rel=ROUNDING, abs=ROUNDING, nan_ok=True), name
     else:
-        assert one == other, name
+        assert (type(one), one) == (type(other), other), name
+
+
+def same(compiled, name, *given_):
+    """Return the answer of the Python; fail where the C has another."""
+    answer = PYTHON[name](*given_)
+    assert_same(name, answer, compiled[name](*given_))
+    return answer
+
+
+def same_or_refused(compiled, name, *given_, match=None):
+    """As `same`, but both may refuse with the same error."""
+    try:
+        answer = PYTHON[name](*given_)
+    except (ValueError, OverflowError, ZeroDivisionError) as error:
+        with pytest.raises(type(error), match=match):
+            compiled[name](*given_)
+    else:
+        assert_same(name, answer, compiled[name](*given_))
+
+
+def other_lengths_are_refused(compiled, name, given_, places):
+    """See that the C refuses each of these arrays when it is one shorter than the others."""
+    for place in places:
+        with pytest.raises(ValueError, match="different lengths"):
+            compiled[name](*given_[:place], given_[place][1:].copy(), *given_[place + 1 :])
 
 
 class Drive:

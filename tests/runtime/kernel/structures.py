@@ -97,15 +97,8 @@ def _sectors(
     ranges_m, x_m, y_m, no_echo, own, dirty, state, held, first, beams, first_rad, width_rad, lidar_x_m, lidar_y_m,
     front_m, half_width_m, within_m, moved_x_m, moved_y_m, turned_rad,
 ):  # fmt: skip
-    view = SimpleNamespace(
-        ranges_m=ranges_m,
-        x_m=x_m,
-        y_m=y_m,
-        no_echo=no_echo,
-        own=own,
-        dirty=dirty,
-        lidar_m=complex(lidar_x_m, lidar_y_m),
-    )
+    lidar_m = complex(lidar_x_m, lidar_y_m)
+    view = SimpleNamespace(ranges_m=ranges_m, x_m=x_m, y_m=y_m, no_echo=no_echo, own=own, dirty=dirty, lidar_m=lidar_m)
     sectors = SimpleNamespace(first=first, beams=beams, first_rad=first_rad, width_rad=width_rad)
     car = SimpleNamespace(front_m=front_m, half_width_m=half_width_m)
     return view, sectors, (state, held), (complex(moved_x_m, moved_y_m), turned_rad), car, within_m

@@ -32,15 +32,9 @@ def test_a_drive_gets_the_same_answers(compared, world, side):
         pose = Pose(0.14 * step, rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.2))
         drive.see(as_scan(scan(geometry, pose, Twist(2.0), at_s, rng, lidar), lidar, at_s, step))
     hot = {
-        "view_scan",
-        "find_small_clusters",
-        "find_thin_places",
-        "solid_places",
-        "any_nearer",
-        "sweep_arc",
-        "find_followed_wall",
-        "predict_motion",
-    }
+        "view_scan", "find_small_clusters", "find_thin_places", "solid_places", "any_nearer", "sweep_arc",
+        "find_followed_wall", "predict_motion",
+    }  # fmt: skip
     assert {name for name in hot if compared[name] < 30} == set()
     assert compared["roll_ball"] == compared["drive_along_ball"] > 7  # where there is a wall
 

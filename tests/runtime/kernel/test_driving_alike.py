@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.runtime.kernel.sameness import PYTHON, SOME_RAD, assert_same
+from tests.runtime.kernel.sameness import PYTHON, SOME_RAD, same, same_or_refused
 from wallride.runtime.control.wall_following.prediction import SteeringHistory, Told
 
 BOUND_S = st.floats(0.0, 0.2)
@@ -23,7 +23,7 @@ BOUND_S = st.floats(0.0, 0.2)
 )
 def test_any_motion_is_foreseen_alike(compiled, told, obeyed_s, wire_s, motor, servo_rad, times, car):
     given_ = (told, (obeyed_s, *wire_s), *motor, servo_rad, *times, *car)
-    assert_same("predict_motion", PYTHON["predict_motion"](*given_), compiled["predict_motion"](*given_))
+    same(compiled, "predict_motion", *given_)
 
 
 FORESEEN = [9.0, 2.0, 0.1, 0.05, 8.99, 0.025, 0.04, 0.33, 0.01, 3.2]
@@ -38,8 +38,7 @@ def test_the_way_to_the_wire_is_measured_alike_along_a_drive(compiled, steps):
         now_s += since_s
         told = (*told[-11:], (now_s, angle_rad))
         given_ = (told, wire, now_s + 0.01, 2.0, told[-1 - ago % len(told)][1], 0.05, now_s, *FORESEEN[5:])
-        answer = PYTHON["predict_motion"](*given_)
-        assert_same("predict_motion", answer, compiled["predict_motion"](*given_))
+        answer = same(compiled, "predict_motion", *given_)
         wire = answer[0]
 
 
@@ -55,7 +54,7 @@ def test_what_is_no_number_is_foreseen_alike(compiled, place, told):
                 of["predict_motion"]((), tuple(numbers[:3]), *numbers[3:])
         return
     given_ = (told, tuple(numbers[:3]), *numbers[3:])
-    assert_same("predict_motion", PYTHON["predict_motion"](*given_), compiled["predict_motion"](*given_))
+    same(compiled, "predict_motion", *given_)
 
 
 def test_more_answers_than_are_remembered_are_refused(compiled):
@@ -70,7 +69,7 @@ def test_more_answers_than_are_remembered_are_refused(compiled):
 )
 def test_any_step_is_driven_alike(compiled, place, step_m, steering_rad):
     given_ = (*place, step_m, steering_rad, 0.33)
-    assert_same("dead_reckon", PYTHON["dead_reckon"](*given_), compiled["dead_reckon"](*given_))
+    same(compiled, "dead_reckon", *given_)
 
 
 @pytest.mark.parametrize("place", range(6))
@@ -78,10 +77,4 @@ def test_what_is_no_number_is_driven_alike(compiled, place):
     given_ = [1.0, 2.0, 0.5, 0.1, 0.2, 0.33]
     for value in (math.nan, math.inf):
         given_[place] = value
-        try:
-            expected = PYTHON["dead_reckon"](*given_)
-        except ValueError:  # no angle is without end
-            with pytest.raises(ValueError, match="math domain error"):
-                compiled["dead_reckon"](*given_)
-        else:
-            assert_same("dead_reckon", expected, compiled["dead_reckon"](*given_))
+        same_or_refused(compiled, "dead_reckon", *given_, match="math domain error")  # no angle is without end

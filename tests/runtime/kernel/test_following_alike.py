@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.runtime.kernel.sameness import ANGLE, PYTHON, assert_same
+from tests.runtime.kernel.sameness import ANGLE, PYTHON, same
 from wallride.runtime.control.wall_following.wall_track import START
 
 RADII = tuple(np.linspace(0.3, 3.0, 10).tolist())
@@ -35,7 +35,7 @@ def test_any_path_is_driven_along_alike(
     radii_m = (*RADII, look_m[0], 2 * look_m[0], look_m[1])
     path = tuple(tuple(part[left_out:]) for part in (radii_m, bearing_rad, meets, crosses))
     given_ = (*path, error_m, *line, bend_per_m, speed_mps, *gains, 0.33, trim_rad, 0.34, 3.0, mu)
-    assert_same("drive_along_ball", PYTHON["drive_along_ball"](*given_), compiled["drive_along_ball"](*given_))
+    same(compiled, "drive_along_ball", *given_)
 
 
 CLEAR = (True,) * 13
@@ -46,8 +46,7 @@ TURNED_AWAY = [-0.5, math.nan, math.nan, 0.02, 1.5, 4.0, 2.0, 0.33, 0.01, 0.34, 
 def test_a_slipping_car_is_slowed_alike(compiled):
     path = ((*RADII, 0.4, 0.8, 0.7), (0.1,) * 10 + (-1.2, -1.2, -1.2), CLEAR, CLEAR)
     given_ = (*path, *TURNED_AWAY)
-    answer = PYTHON["drive_along_ball"](*given_)
-    assert_same("drive_along_ball", answer, compiled["drive_along_ball"](*given_))
+    answer = same(compiled, "drive_along_ball", *given_)
     nearer_by_the_line = (*path, -0.04, *TURNED_AWAY[1:])
     assert answer[2] == PYTHON["drive_along_ball"](*nearer_by_the_line)[2] == -0.34
     assert answer[3] < 0.8 * compiled["drive_along_ball"](*nearer_by_the_line)[3]
@@ -60,7 +59,7 @@ def test_what_is_no_number_is_driven_along_alike(compiled, place, line, error_m)
     numbers = [error_m, *line, *TURNED_AWAY[3:]]
     numbers[place] = math.nan
     given_ = ((*RADII, 0.4, 0.8, 0.7), (0.1,) * 10 + (-0.2, -0.1, -0.1), CLEAR, CLEAR, *numbers)
-    assert_same("drive_along_ball", PYTHON["drive_along_ball"](*given_), compiled["drive_along_ball"](*given_))
+    same(compiled, "drive_along_ball", *given_)
 
 
 @pytest.mark.parametrize("of", range(2))
@@ -69,7 +68,7 @@ def test_a_place_that_is_no_number_is_driven_along_alike(compiled, of, at):
     path = [[*RADII, 0.4, 0.8, 0.7], [0.1] * 10 + [-0.2, -0.1, -0.1]]
     path[of][at] = math.nan
     given_ = (*map(tuple, path), CLEAR, CLEAR, 0.3, 0.1, 0.2, *TURNED_AWAY[3:])
-    assert_same("drive_along_ball", PYTHON["drive_along_ball"](*given_), compiled["drive_along_ball"](*given_))
+    same(compiled, "drive_along_ball", *given_)
 
 
 def test_what_is_no_number_is_tracked_alike(compiled):
@@ -77,9 +76,9 @@ def test_what_is_no_number_is_tracked_alike(compiled):
     for place in range(5):
         step = [0.02, 0.1, 1.0, 0.33, 0.05]
         step[place] = math.nan
-        assert_same("predict_wall", PYTHON["predict_wall"](state, *step), compiled["predict_wall"](state, *step))
+        same(compiled, "predict_wall", state, *step)
     for seen in ((math.nan, 0.1), (1.0, math.nan)):
-        assert_same("correct_wall", PYTHON["correct_wall"](state, *seen), compiled["correct_wall"](state, *seen))
+        same(compiled, "correct_wall", state, *seen)
 
 
 STEP = st.tuples(st.floats(-0.05, 0.25), st.floats(-0.4, 0.4), st.floats(0.0, 6.0), st.sampled_from([0.0, 0.05]))
@@ -90,8 +89,6 @@ def test_any_line_is_tracked_alike(compiled, steps):
     state = START
     for (way_m, wheel_rad, speed_mps, unrest_rad), distance_m, heading_rad in steps:
         step = (state, way_m, wheel_rad, speed_mps, 0.33, unrest_rad)
-        state = PYTHON["predict_wall"](*step)
-        assert_same("predict_wall", state, compiled["predict_wall"](*step))
+        state = same(compiled, "predict_wall", *step)
         seen = (state, distance_m, heading_rad)
-        state = PYTHON["correct_wall"](*seen)
-        assert_same("correct_wall", state, compiled["correct_wall"](*seen))
+        state = same(compiled, "correct_wall", *seen)

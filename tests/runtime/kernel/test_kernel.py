@@ -33,17 +33,9 @@ def the_source_is_surveyed_once(monkeypatch):
 
 
 def test_wrong_arguments_are_refused_and_crash_nothing(compiled):
-    wrong = (
-        (),
-        (None,),
-        (1, 2, 3),
-        ("text",) * 9,
-        (np.zeros(3),) * 12,
-        (np.zeros((2, 2)),) * 11,
-        (np.zeros(0, int),) * 7,
-    )
+    arrays = (np.zeros(3),) * 12, (np.zeros((2, 2)),) * 11, (np.zeros(0, int),) * 7
     for function in compiled.values():
-        for given_ in wrong:
+        for given_ in ((), (None,), (1, 2, 3), ("text",) * 9, *arrays):
             with pytest.raises((TypeError, ValueError, OverflowError, IndexError)):
                 function(*given_)
 
@@ -287,16 +279,15 @@ def test_tests_of_an_edited_law_run_its_python_too(compiled, monkeypatch):
 
 
 def test_the_state_names_every_function_that_runs_in_python(compiled):
-    state = kernel.state()
-    assert state.in_python == dict.fromkeys(FUNCTIONS, "WALLRIDE_COMPILED=0")
+    assert kernel.state().in_python == dict.fromkeys(FUNCTIONS, "WALLRIDE_COMPILED=0")
 
 
 def test_each_function_is_in_the_file_of_its_modules_name():
     for name in survey().functions:
         *folders, module, function = re.sub(r"^wallride\.(drivers|runtime\.control|runtime)\.", "", name).split(".")
         of_the_car = "/".join(["runtime/kernel", *folders, f"{module}.c"])
-        text = (ROOT / ("sim/world/casting.c" if "world" in folders else of_the_car)).read_text()
-        assert f"KERNEL({function})" in text
+        file = ROOT / ("sim/world/casting.c" if "world" in folders else of_the_car)
+        assert f"KERNEL({function})" in file.read_text()
 
 
 def test_a_function_needs_a_name_of_its_own():

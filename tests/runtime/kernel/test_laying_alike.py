@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.runtime.control.localization.rooms import LIDAR_M, corridor, ring
 from tests.runtime.control.perception.motion.test_scan_matching import room as in_a_room
-from tests.runtime.kernel.sameness import PYTHON, assert_same
+from tests.runtime.kernel.sameness import other_lengths_are_refused, same
 from wallride.drivers.accelerated import FUNCTIONS
 from wallride.runtime.calibration.scan_motion import ReferenceScan
 from wallride.runtime.calibration.stop_match import surfaces
@@ -55,7 +55,7 @@ def arguments(one, off, std):
 def test_any_scan_is_laid_alike(compiled, seen, which, off, far_m, std, beams):
     given_ = arguments(seen[which], (off[0] + far_m, *off[1:]), std)
     given_ = (*(row[:beams] for row in given_[:3]), *given_[3:])
-    assert_same("lay_on_lines", PYTHON["lay_on_lines"](*given_), compiled["lay_on_lines"](*given_))
+    same(compiled, "lay_on_lines", *given_)
 
 
 def test_a_filter_is_corrected_alike(compared, seen):
@@ -83,9 +83,7 @@ def test_a_field_that_is_none_is_refused(compiled, seen):
         wrong = np.full(given_[3].size, line, np.int32)
         with pytest.raises(IndexError, match=f"no line {line}"):
             compiled["lay_on_lines"](*given_[:3], wrong, *given_[4:])
-    for place in (1, 2, 4, 6, 7):
-        with pytest.raises(ValueError, match="different lengths"):
-            compiled["lay_on_lines"](*given_[:place], given_[place][1:].copy(), *given_[place + 1 :])
+    other_lengths_are_refused(compiled, "lay_on_lines", given_, (1, 2, 4, 6, 7))
     for rows, columns in ((0, 5), (-1, -1), (2**40, 2**40), (given_[3].size, 2)):
         with pytest.raises(ValueError, match="different lengths"):
             compiled["lay_on_lines"](*given_[:11], rows, columns, *given_[13:])
@@ -111,7 +109,7 @@ def test_any_beams_end_alike(compiled, seed, beams, moves, step_rad, farthest_m)
     ranges_m = np.where(np.isfinite(steps_m), ranges_m, steps_m).astype(np.float32)
     ahead = np.exp(1j * random.uniform(-2.0, 2.0, beams))
     given_ = ranges_m, ahead, random.random(beams), farthest_m, step_rad, 0.27, -0.02, *moves
-    assert_same("ends_of_beams", PYTHON["ends_of_beams"](*given_), compiled["ends_of_beams"](*given_))
+    same(compiled, "ends_of_beams", *given_)
     for place in range(3):
         with pytest.raises(ValueError, match="different lengths"):
             compiled["ends_of_beams"](*given_[:place], np.zeros(beams + 1, given_[place].dtype), *given_[place + 1 :])
@@ -122,7 +120,7 @@ def test_any_place_is_scored_alike(compiled, seed, cells, beams):
     random = np.random.default_rng(seed)
     nearness = random.random(cells).astype(np.float32)
     given_ = nearness, random.integers(-9, cells + 9, 40), random.integers(-cells, cells + 1, beams)
-    assert_same("mean_nearness", PYTHON["mean_nearness"](*given_), compiled["mean_nearness"](*given_))
+    same(compiled, "mean_nearness", *given_)
     with pytest.raises(IndexError):
         compiled["mean_nearness"](nearness[:0], *given_[1:])
 
@@ -144,15 +142,13 @@ def test_any_scan_is_matched_alike(compiled, views, which, guess, every):
     given_ = FUNCTIONS["match_scan"].flat(now, surfaces_of(before), pose, drift)
     given_ = tuple(one[::every].copy() if isinstance(one, np.ndarray) else one for one in given_)
     given_ = (*given_[:7], given_[7] * every, *given_[8:])
-    assert_same("match_scan", PYTHON["match_scan"](*given_), compiled["match_scan"](*given_))
+    same(compiled, "match_scan", *given_)
 
 
 def test_a_scan_with_other_beams_or_no_numbers_is_refused_or_matches_nothing(compiled, views):
     given_ = FUNCTIONS["match_scan"].flat(views[1], surfaces_of(views[0]), ScanPose(0.2 + 0.1j, 0.1), DRIFT)
     assert compiled["match_scan"](*given_) is not None
-    for place in (0, 1, 2, 3, 8, 9, 10):
-        with pytest.raises(ValueError, match="different lengths"):
-            compiled["match_scan"](*given_[:place], given_[place][1:].copy(), *given_[place + 1 :])
+    other_lengths_are_refused(compiled, "match_scan", given_, (0, 1, 2, 3, 8, 9, 10))
     for place in (4, 5, 6, 7, 11, 12, 13):
         assert compiled["match_scan"](*given_[:place], math.nan, *given_[place + 1 :]) is None
 
@@ -175,16 +171,14 @@ def test_any_points_are_laid_over_a_key_alike(compiled, pose, guess, every, weig
     key = surfaces(rays * (world.cast(0.0, 0.0, bearings_rad) + noise_m[0]))
     points_m = rays * (world.cast(pose[0], pose[1], bearings_rad + pose[2]) + noise_m[1])
     given_ = FUNCTIONS["lay_over"].flat(key, points_m[:, ::every], np.array(guess), KIND, weight)
-    assert_same("lay_over", PYTHON["lay_over"](*given_), compiled["lay_over"](*given_))
+    same(compiled, "lay_over", *given_)
 
 
 def test_a_key_with_other_beams_or_no_numbers_is_refused_or_moves_nothing(compiled):
     square_m, key = np.ones((2, 9)), ReferenceScan(np.ones((2, 9)), np.ones((2, 9)), np.ones(9, bool))
     given_ = FUNCTIONS["lay_over"].flat(key, square_m, np.zeros(3), (-1.0, 0.25, 9))
     assert np.linalg.norm(compiled["lay_over"](*given_)[1]) > 0.0
-    for place in range(7):
-        with pytest.raises(ValueError, match="different lengths"):
-            compiled["lay_over"](*given_[:place], given_[place][1:].copy(), *given_[place + 1 :])
+    other_lengths_are_refused(compiled, "lay_over", given_, range(7))
     for place in (7, 8, 9, 10, 11):
         assert not compiled["lay_over"](*given_[:place], math.nan, *given_[place + 1 :])[1].any()
     with pytest.raises(ValueError, match="Singular"):

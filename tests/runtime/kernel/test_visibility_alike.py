@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.runtime.kernel.sameness import PYTHON, assert_same
+from tests.runtime.kernel.sameness import same
 
 SECTORS = 83
 WIDTH_RAD = math.radians(2.5)
@@ -42,26 +42,19 @@ def arguments(seed):
 @given(st.integers(0, 2**32 - 1))
 def test_any_scan_is_watched_alike(compiled, seed):
     given_ = arguments(seed)
-    assert_same("watch_sectors", compiled["watch_sectors"](*given_), PYTHON["watch_sectors"](*given_))
+    same(compiled, "watch_sectors", *given_)
 
 
 @pytest.mark.parametrize("place", [12, 13, 14, 15, 16, 17, 18, 19])
 def test_what_is_no_number_is_watched_alike(compiled, place):
     given_ = list(arguments(7))
     given_[place] = math.nan
-    assert_same("watch_sectors", compiled["watch_sectors"](*given_), PYTHON["watch_sectors"](*given_))
+    same(compiled, "watch_sectors", *given_)
 
 
 def test_arrays_of_other_lengths_are_refused(compiled):
-    for place, wrong in (
-        (1, np.zeros(5)),
-        (7, np.zeros(3, np.complex128)),
-        (8, 900),
-        (8, -1),
-        (9, 0),
-        (9, 2**62),
-        (8, 2**62),
-    ):
+    wrong_numbers = ((8, 900), (8, -1), (9, 0), (9, 2**62), (8, 2**62))
+    for place, wrong in ((1, np.zeros(5)), (7, np.zeros(3, np.complex128)), *wrong_numbers):
         given_ = list(arguments(1))
         given_[place] = wrong
         with pytest.raises(ValueError, match="lengths"):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import event, given
 from hypothesis import strategies as st
 
-from tests.runtime.kernel.sameness import PYTHON, assert_same, ranges
+from tests.runtime.kernel.sameness import PYTHON, ranges, same
 from wallride.runtime.control.wall_following.followed_wall import wall_side
 
 
@@ -33,10 +33,10 @@ def test_any_wall_beside_the_car_is_found_alike(compiled, seed, beams, gap_m, ex
     spans = (way.beside.start, way.beside.stop, way.opposite_from)
     lines = (way.lines.beams, way.lines.rear, way.lines.front)
     given_ = (*some_room(seed, beams), *spans, gap_m, *lines, *expected, desired_m)
-    assert_same("find_followed_wall", PYTHON["find_followed_wall"](*given_), compiled["find_followed_wall"](*given_))
+    same(compiled, "find_followed_wall", *given_)
     turned = [part[::-1] for part in given_[:5]]  # as a lidar that turns the other way gives them
     turned += [*spans, gap_m, *lines, *expected, desired_m]
-    assert_same("find_followed_wall", PYTHON["find_followed_wall"](*turned), compiled["find_followed_wall"](*turned))
+    same(compiled, "find_followed_wall", *turned)
 
 
 def test_a_wall_and_a_line_and_a_narrow_way_were_among_them(compiled):
@@ -77,8 +77,7 @@ def behind_glass(silent, echoes, wall_m, seed):
 )
 def test_any_pane_of_glass_is_found_alike(compiled, first, beams, echoes, wall_m, seed):
     given_ = behind_glass((first, first + beams), echoes, wall_m, seed)
-    found = PYTHON["find_followed_wall"](*given_)
-    assert_same("find_followed_wall", found, compiled["find_followed_wall"](*given_))
+    found = same(compiled, "find_followed_wall", *given_)
     event("glass" if found is not None and found[3] >= 0 else "none")
 
 
@@ -87,8 +86,7 @@ def test_glass_with_some_echoes_is_glass_alike(compiled, echoes):
     panes = []
     for seed in range(40):
         given_ = behind_glass((330, 480), echoes, (1.0, 0.0), seed)
-        found = PYTHON["find_followed_wall"](*given_)
-        assert_same("find_followed_wall", found, compiled["find_followed_wall"](*given_))
+        found = same(compiled, "find_followed_wall", *given_)
         panes.append(found[3] >= 0)
     assert {0.0: all(panes), 0.15: any(panes), 0.2: any(panes), 0.25: not all(panes)}[echoes]
 
@@ -119,7 +117,7 @@ def test_a_ball_is_rolled_along_any_wall_alike(compiled, seed, points, there, li
     at_once = (x_m[wall[0]], y_m[wall[0]], there[2])  # the rear axle in the wall
     for place in (there, at_once):
         given_ = (x_m, y_m, solid, wall, pane, *place, *line, *noise, desired_m, radii_m)
-        assert_same("roll_ball", PYTHON["roll_ball"](*given_), compiled["roll_ball"](*given_))
+        same(compiled, "roll_ball", *given_)
 
 
 @given(seed=st.integers(0, 2**32), beams=st.integers(1, 200), noise_m=st.floats(1e-4, 0.2))
@@ -127,7 +125,7 @@ def test_the_noise_is_learnt_alike(compiled, seed, beams, noise_m):
     rng = np.random.default_rng(seed)
     x_m, y_m = rng.normal(0.0, rng.choice([0.01, 1.0]), (2, 200))
     given_ = (noise_m, x_m, y_m, np.sort(rng.choice(200, beams, replace=False)))
-    assert_same("learn_noise_m", PYTHON["learn_noise_m"](*given_), compiled["learn_noise_m"](*given_))
+    same(compiled, "learn_noise_m", *given_)
 
 
 @pytest.mark.parametrize("of", range(3))
@@ -136,7 +134,7 @@ def test_a_noise_that_is_no_number_is_learnt_alike(compiled, of, at):
     numbers = [np.array([0.01]), np.linspace(-1.0, 1.0, 100), np.ones(100)]
     numbers[of][min(at, numbers[of].size - 1)] = math.nan
     given_ = (float(numbers[0][0]), *numbers[1:], np.arange(100))
-    assert_same("learn_noise_m", PYTHON["learn_noise_m"](*given_), compiled["learn_noise_m"](*given_))
+    same(compiled, "learn_noise_m", *given_)
 
 
 @pytest.mark.parametrize("radii_m", [RADII_M, RADII_M[:5]])
@@ -146,7 +144,7 @@ def test_a_ball_is_rolled_alike_where_something_is_no_number(compiled, place, ra
     numbers = [0.1, 0.2, 0.3, 1.0, 0.05, 0.01, 0.01, 1.0]
     numbers[place] = math.nan
     given_ = (np.arange(9.0), np.ones(9), np.arange(9) < 8, np.arange(4), None, *numbers, radii_m)
-    assert_same("roll_ball", PYTHON["roll_ball"](*given_), compiled["roll_ball"](*given_))
+    same(compiled, "roll_ball", *given_)
 
 
 @given(
@@ -162,12 +160,11 @@ def test_any_thin_places_are_found_alike(compiled, seed, beams, lidar, pose):
     x_m, y_m = ranges_m * np.cos(np.arange(beams)), ranges_m * np.sin(np.arange(beams))
     for known in (None, dirty):
         given_ = (x_m, y_m, solid, ranges_m, known, *lidar, *pose)
-        thin_m, lonely_m = PYTHON["find_thin_places"](*given_)
-        assert_same("find_thin_places", (thin_m, lonely_m), compiled["find_thin_places"](*given_))
+        thin_m, lonely_m = same(compiled, "find_thin_places", *given_)
     if lonely_m.size:
         before = tuple(thin_m + rng.normal(0.0, 0.02, thin_m.size) for _ in range(4))
         given_ = (lonely_m, before, *pose)
-        assert_same("find_returning", PYTHON["find_returning"](*given_), compiled["find_returning"](*given_))
+        same(compiled, "find_returning", *given_)
 
 
 def test_a_lidar_whose_beams_are_one_has_no_thin_places(compiled):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.runtime.kernel.sameness import BEAMS, PYTHON, assert_same, ranges
+from tests.runtime.kernel.sameness import BEAMS, PYTHON, assert_same, other_lengths_are_refused, ranges, same
 
 
 def window(seed, beams):
@@ -34,8 +34,7 @@ def test_any_window_is_learnt_alike(compiled, seed, beams, shares):
     for scan_number in range(3):  # each learns on from what was learnt by Python
         given_ = (*window(seed + scan_number // 2, beams)[:4], *known[4:], *shares)
         before = [array.copy() for array in given_[:8]]
-        learnt = PYTHON["weigh_dirt"](*given_)
-        assert_same("weigh_dirt", learnt, compiled["weigh_dirt"](*given_))
+        learnt = same(compiled, "weigh_dirt", *given_)
         assert_same("weigh_dirt", tuple(before), given_[:8])
         known = (*known[:4], *learnt)
 
@@ -51,15 +50,11 @@ def test_what_is_no_number_is_learnt_alike(compiled, place):
         else:
             given_[place] = np.repeat(given_[place], 2)[::-2]  # backwards, and not side by side
         with np.errstate(invalid="ignore"):
-            assert_same("weigh_dirt", PYTHON["weigh_dirt"](*given_), compiled["weigh_dirt"](*given_))
+            same(compiled, "weigh_dirt", *given_)
 
 
 def test_a_window_of_different_lengths_is_refused(compiled):
-    for place in range(8):
-        given_ = list(window(5, 30))
-        given_[place] = given_[place][1:]
-        with pytest.raises(ValueError, match="different lengths"):
-            compiled["weigh_dirt"](*given_, 0.1, 0.3, 0.2)
+    other_lengths_are_refused(compiled, "weigh_dirt", (*window(5, 30), 0.1, 0.3, 0.2), range(8))
 
 
 LEVELS = np.array([0.0, 0.25, 0.3, 0.31, 0.6, 0.61, 0.95, 0.96, 1.0, math.nan])
@@ -78,8 +73,7 @@ def test_any_window_is_judged_alike(compiled, seed, beams, highest, bounds):
         before = tuple(rng.random((3, beams)) < rng.choice([0.0, 0.05]))
         for _ in range(3):  # the second time nothing has changed, but rows that grow
             given_ = (dirt, body, blind, doubted, before, *bounds)
-            found, lost = PYTHON["find_dirt"](*given_)
-            assert_same("find_dirt", (found, lost), compiled["find_dirt"](*given_))
+            found, _ = same(compiled, "find_dirt", *given_)
             before = found or before
 
 
@@ -104,7 +98,7 @@ def test_any_near_places_are_kept_alike(compiled, seed, beams, pose):
     ranges_m, _, solid, *_ = window(seed, beams)
     given_ = (ranges_m * np.cos(np.arange(beams)), ranges_m * np.sin(np.arange(beams)), solid, ranges_m, *pose)
     with np.errstate(invalid="ignore"):
-        assert_same("find_near_places", PYTHON["find_near_places"](*given_), compiled["find_near_places"](*given_))
+        same(compiled, "find_near_places", *given_)
 
 
 @settings(max_examples=120, deadline=None)
@@ -121,7 +115,7 @@ def test_any_places_are_behind_alike(compiled, seed, places, pose, half_view_rad
         places_m[rng.integers(0, places, 3)] = complex(*rng.choice([math.nan, math.inf, 0.0], 2))
     given_ = (places_m, *pose, half_view_rad)
     with np.errstate(invalid="ignore"):
-        assert_same("places_behind", PYTHON["places_behind"](*given_), compiled["places_behind"](*given_))
+        same(compiled, "places_behind", *given_)
 
 
 def test_near_places_of_no_direction_or_of_different_lengths_are_refused(compiled):
@@ -131,11 +125,7 @@ def test_near_places_of_no_direction_or_of_different_lengths_are_refused(compile
             of["find_near_places"](long_m, long_m, flags, long_m, 0.0, 0.0, math.inf)
         with pytest.raises(ValueError, match="math domain error"):
             of["places_behind"](long_m + 0j, 0.0, 0.0, math.inf, 0.0, 0.0, 2.0)
-    for place in range(4):
-        arrays = [long_m, long_m, flags, long_m]
-        arrays[place] = arrays[place][1:]
-        with pytest.raises(ValueError, match="different lengths"):
-            compiled["find_near_places"](*arrays, 0.0, 0.0, 0.0)
+    other_lengths_are_refused(compiled, "find_near_places", (long_m, long_m, flags, long_m, 0.0, 0.0, 0.0), range(4))
 
 
 @settings(max_examples=120, deadline=None)
@@ -149,19 +139,16 @@ def test_any_places_are_seen_again_and_expected_alike(compiled, seed, beams, pla
     for some in (away_m, at_beam):
         some[rng.random(places) < 0.05] = math.nan
     given_ = ranges_m, rear, away_m, at_beam
-    assert_same("seen_again", PYTHON["seen_again"](*given_), compiled["seen_again"](*given_))
+    same(compiled, "seen_again", *given_)
     due = beams, away_m, at_beam
     with np.errstate(invalid="ignore"):
-        assert_same("expected_m", PYTHON["expected_m"](*due), compiled["expected_m"](*due))
+        same(compiled, "expected_m", *due)
 
 
 def test_places_of_different_lengths_and_beams_that_are_not_there_are_refused(compiled):
     ones, beams = np.ones(9), np.arange(9)
-    for away_m, at_beam in ((ones[1:], ones), (ones, ones[1:])):
-        with pytest.raises(ValueError, match="different lengths"):
-            compiled["seen_again"](ones, beams, away_m, at_beam)
-        with pytest.raises(ValueError, match="different lengths"):
-            compiled["expected_m"](9, away_m, at_beam)
+    other_lengths_are_refused(compiled, "seen_again", (ones, beams, ones, ones), (2, 3))
+    other_lengths_are_refused(compiled, "expected_m", (9, ones, ones), (1, 2))
     with pytest.raises(ValueError, match="too many beams"):
         compiled["expected_m"](2**31, np.ones(3), np.ones(3))
     for wrong in (-1, 9):
