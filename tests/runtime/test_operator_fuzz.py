@@ -1,62 +1,31 @@
-"""Tens of thousands of payloads that are no commands, or not quite: counted, refused, never raised, hardly logged."""
+"""Thousands of payloads that are no commands, or not quite: counted, refused, never raised, hardly logged."""
 
-import math
 import random
-import struct
 import tracemalloc
 
 import pytest
 
 from tests.runtime.operator_rig import Rig
+from tests.runtime.wire.test_teleop import SPOILT, with_bytes
 from wallride.runtime.teleop.sessions import MAX_SESSIONS
 from wallride.runtime.wire.teleop import COMMAND_BYTES, Malformed, Press, read_command
 
-ROUNDS = 30_000
-MUTATED = 10_000
-BAD_FLOATS = [math.nan, math.inf, -math.inf, 1e30, -1e30]
-BAD_NAMES = [b"\xff\xfe\xfd", b"\x1b[2J", b"a\nb", b"\x00a", "\u202e".encode(), b"x" * 23 + b"\xc3", b"\x7f"]
+ROUNDS = 6_000
+MUTATED = 4_000
+PLACES = list(SPOILT.values())
 
 
-def random_bytes(dice, _good):
-    return dice.randbytes(dice.choice([0, 1, 4, 55, 59, 60, 61, 64, 1000]))
-
-
-def truncated(dice, good):
-    return good[: dice.randrange(COMMAND_BYTES)]
-
-
-def lengthened(dice, good):
-    return good + dice.randbytes(dice.randrange(1, 100))
-
-
-def bad_float(dice, good):
-    data = bytearray(good)
-    struct.pack_into("<f", data, dice.choice([28, 32]), dice.choice(BAD_FLOATS))
-    return bytes(data)
-
-
-def bad_name(dice, good):
-    name = dice.choice(BAD_NAMES)
-    return good[:36] + name + good[36 + len(name) :]
-
-
-def bad_flags(dice, good):
-    return good[:24] + bytes([dice.randrange(128, 256) & ~0b0111]) + good[25:]
-
-
-def bad_input(dice, good):
-    return good[:25] + bytes([dice.randrange(4, 256)]) + good[26:]
-
-
-def bad_magic(dice, good):
-    return dice.randbytes(4) + good[4:]
-
-
-def nobody(_dice, good):
-    return good[:4] + bytes(8) + good[12:]
-
-
-SPOILERS = [random_bytes, truncated, lengthened, bad_float, bad_name, bad_flags, bad_input, bad_magic, nobody]
+def spoilt(dice, good):
+    """Return noise, a part of a command, more than one, or one with a wrong place in it."""
+    kinds = (
+        lambda: dice.randbytes(dice.choice([0, 1, 4, 55, 59, 60, 61, 64, 1000])),
+        lambda: good[: dice.randrange(COMMAND_BYTES)],
+        lambda: good + dice.randbytes(dice.randrange(1, 100)),
+        lambda: with_bytes(good, 24, bytes([dice.randrange(128, 256) & ~0b0111])),
+        lambda: with_bytes(good, 25, bytes([dice.randrange(4, 256)])),
+        *[lambda: with_bytes(good, *dice.choice(PLACES))] * 4,
+    )
+    return dice.choice(kinds)()
 
 
 def test_malformed_payloads_are_counted_and_refused(caplog):
@@ -64,9 +33,9 @@ def test_malformed_payloads_are_counted_and_refused(caplog):
     rig = Rig("always")
     before = rig.decision
     for _ in range(ROUNDS):
-        rig.now_s += 0.0005
+        rig.now_s += 0.0025
         good = rig_command(rig, dice.choice([Press(0), Press.MANUAL, Press.RESET, Press.TAKE_OVER, Press.GOODBYE]))
-        rig.desk.receive("", dice.choice(SPOILERS)(dice, good), rig.now_s)
+        rig.desk.receive("", spoilt(dice, good), rig.now_s)
     assert rig.refused == {"malformed": ROUNDS}
     assert repr(rig.decision) == repr(before)  # its measure is NaN, which equals nothing
     assert rig.desk.view().sessions == 0
@@ -93,8 +62,8 @@ def test_mutated_commands_never_raise_and_take_no_memory(caplog):
     view = rig.desk.view()
     assert view.accepted + sum(view.refused.values()) >= MUTATED
     assert view.sessions <= MAX_SESSIONS
-    assert grown < 200_000
-    assert len(caplog.records) < 300, "few kinds, each at most once in a second of 30"
+    assert grown < 80_000
+    assert len(caplog.records) < 120, "few kinds, each at most once in a second of 12"
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -9,34 +9,18 @@ from types import SimpleNamespace
 
 import pytest
 
+from tests.runtime.wire.loopback import KEY, both, car_config, client_of, connected, until
 from wallride.runtime.wire import zenoh_config
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.mailbox import MAX_DELIVERIES, Mailbox, PromptMailbox
 from wallride.runtime.wire.network import PortTakenError, RefusedError
 from wallride.runtime.wire.ports import free_endpoint
 
-KEY = "wallride/car1/operator/command"
-
-
-def both():
-    endpoint = free_endpoint()
-    car = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
-    return car, Bus(zenoh_config.client_config(endpoint, None))
-
-
-def without_limits(config):
-    """Return a car's configuration in which a client may send as fast as it likes: bursts are tested here."""
-    return {key: value for key, value in config.items() if key not in {"downsampling", "low_pass_filter"}}
-
 
 @pytest.fixture
 async def pair():
-    """A car and a client, both open."""
-    endpoint = free_endpoint()
-    car, client = (
-        Bus(without_limits(zenoh_config.car_config([endpoint], None, (), "car1"))),
-        Bus(zenoh_config.client_config(endpoint, None)),
-    )
+    """A car and a client, both open; bursts are tested here."""
+    car, client = both(limits=False)
     await car.open()
     await client.open()
     yield car, client
@@ -44,22 +28,18 @@ async def pair():
     await car.close()
 
 
-async def until(condition, what):
-    async with asyncio.timeout(10):
-        while not condition():
-            await asyncio.sleep(0.005)
-    assert condition(), what
-
-
-async def connected(publisher, key):
-    await until(lambda: publisher.wanted(key), "the subscription has arrived")
+@pytest.fixture
+def taken():
+    """The address of a port that another program has."""
+    with socket.create_server(("127.0.0.1", 0)) as owner:
+        yield f"tcp/127.0.0.1:{owner.getsockname()[1]}"
 
 
 async def test_a_subscriber_hears_everything_in_order_and_when_it_came(pair):
     car, client = pair
     heard = []
     car.subscribe(KEY, lambda key, payload, arrival_s: heard.append((key, payload, arrival_s)))
-    await connected(client, KEY)
+    await connected(client)
     before_s = time.monotonic()
     for i in range(50):
         client.put(KEY, bytes([i]), encoding="application/octet-stream", urgent=True)
@@ -72,7 +52,7 @@ async def test_a_put_on_a_wildcard_does_not_reach_an_exact_subscription(pair):
     car, client = pair
     heard = []
     car.subscribe(KEY, lambda key, payload, arrival_s: heard.append(payload))
-    await connected(client, KEY)
+    await connected(client)
     for wild in ("wallride/*/operator/command", "wallride/**", "**"):
         client.put(wild, b"wild")
     client.put(KEY, b"exact")
@@ -118,19 +98,14 @@ async def test_a_token_is_seen_to_come_and_to_go(pair):
 
 
 async def test_what_is_declared_before_it_opens_holds_afterwards_and_what_is_put_is_counted_as_lost():
-    endpoint = free_endpoint()
-    car, client = (
-        Bus(zenoh_config.car_config([endpoint], None, (), "car1")),
-        Bus(zenoh_config.client_config(endpoint, None)),
-    )
-    heard = []
+    (car, client), heard = both(), []
     car.subscribe(KEY, lambda key, payload, arrival_s: heard.append(payload))
     car.put(KEY, b"too early")
     assert car.dropped == 1
     assert not car.wanted(KEY)
     await car.open()
     await client.open()
-    await connected(client, KEY)
+    await connected(client)
     client.put(KEY, b"now")
     await until(lambda: heard == [b"now"], "it is heard")
     await client.close()
@@ -163,7 +138,7 @@ async def test_a_burst_beyond_the_backlog_keeps_the_newest(pair):
     car, client = pair
     heard = []
     car.subscribe(KEY, lambda key, payload, arrival_s: heard.append(int(payload)))
-    await connected(client, KEY)
+    await connected(client)
     for i in range(1000):
         client.put(KEY, str(i).encode())
     client.put(KEY, b"1000")
@@ -229,7 +204,7 @@ async def test_what_is_too_large_is_dropped_before_it_is_copied(pair):
     heard = []
     car.subscribe(KEY, lambda key, payload, arrival_s: heard.append(payload), max_bytes=40)
     car.answer("wallride/car1/param/get", lambda payload: b"yes")
-    await connected(client, KEY)
+    await connected(client)
     client.put(KEY, b"x" * 60)
     await asyncio.sleep(0.05)
     client.put(KEY, b"x" * 40)
@@ -240,29 +215,21 @@ async def test_what_is_too_large_is_dropped_before_it_is_copied(pair):
     assert car.oversized == 1
 
 
-async def test_a_taken_port_is_left_to_its_owner_and_said():
-    with socket.socket() as owner:
-        owner.bind(("127.0.0.1", 0))
-        owner.listen()
-        taken = f"tcp/127.0.0.1:{owner.getsockname()[1]}"
-        bus = Bus(zenoh_config.car_config([taken], None, (), "car1"))
-        with pytest.raises(PortTakenError, match=taken) as caught:
-            await bus.open()
-        assert caught.value.endpoint == taken
-        assert not bus.is_open
+async def test_a_taken_port_is_left_to_its_owner_and_said(taken):
+    bus = Bus(car_config(taken))
+    with pytest.raises(PortTakenError, match=taken) as caught:
+        await bus.open()
+    assert caught.value.endpoint == taken
+    assert not bus.is_open
     await bus.close()
 
 
-async def test_where_any_port_will_do_a_taken_one_is_replaced():
-    with socket.socket() as owner:
-        owner.bind(("127.0.0.1", 0))
-        owner.listen()
-        taken = f"tcp/127.0.0.1:{owner.getsockname()[1]}"
-        bus = Bus(zenoh_config.car_config([taken], None, (), "car1"), any_port=True)
-        await bus.open()
-        assert bus.is_open
-        assert bus.endpoint != taken
-        await bus.close()
+async def test_where_any_port_will_do_a_taken_one_is_replaced(taken):
+    bus = Bus(car_config(taken), any_port=True)
+    await bus.open()
+    assert bus.is_open
+    assert bus.endpoint != taken
+    await bus.close()
 
 
 async def test_an_address_that_this_machine_does_not_have_is_no_taken_port():
@@ -274,13 +241,13 @@ async def test_an_address_that_this_machine_does_not_have_is_no_taken_port():
 
 async def test_a_client_without_a_car_is_told_so():
     with pytest.raises(OSError, match="onnect"):
-        await Bus(zenoh_config.client_config(free_endpoint(), None)).open()
+        await client_of(free_endpoint()).open()
 
 
 async def test_a_session_that_does_not_close_is_left(monkeypatch, caplog):
     never = threading.Event()
     monkeypatch.setattr("wallride.runtime.wire.bus.CLOSES_WITHIN_S", 0.02)
-    bus = Bus(zenoh_config.client_config("tcp/127.0.0.1:1", None))
+    bus = client_of("tcp/127.0.0.1:1")
     monkeypatch.setattr(bus, "_session", SimpleNamespace(close=never.wait))
     await bus.close()
     assert "does not close" in caplog.text
@@ -291,4 +258,4 @@ async def test_a_session_that_does_not_close_is_left(monkeypatch, caplog):
 async def test_a_clock_after_zenohs_last_year_opens_no_session(monkeypatch):
     monkeypatch.setattr("wallride.runtime.wire.bus.time.time", lambda: 4.9e9)  # 2125
     with pytest.raises(OSError, match="clock is after 2106"):
-        await Bus(zenoh_config.client_config("tcp/127.0.0.1:1", None)).open()
+        await client_of("tcp/127.0.0.1:1").open()

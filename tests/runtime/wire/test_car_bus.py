@@ -10,14 +10,13 @@ import time
 import pytest
 import zenoh
 
+from tests.runtime.wire.loopback import KEY, car_config, client_of, connected, until
 from wallride.runtime.wire import ingress, zenoh_config
-from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.car_bus import MAX_ANSWERS_PER_POLL, MAX_WAITING_SAMPLES, CarBus
 from wallride.runtime.wire.network import RefusedError
 from wallride.runtime.wire.ports import free_endpoint
 from wallride.runtime.wire.teleop import COMMAND_BYTES
 
-KEY = "wallride/car1/operator/command"
 LIST = "wallride/car1/param/list"
 PIECES = "wallride/car1/logs/get"
 PIECE_BYTES = 60_000
@@ -27,27 +26,38 @@ MAX_HELD_UP_S = 0.25
 """The lidar's silence after which the car stops."""
 
 
+class Car:
+    """A car's session, and the clients that have joined it."""
+
+    def __init__(self, *, limits=True):
+        self.endpoint, self.clients = free_endpoint(), []
+        self.bus = CarBus(car_config(self.endpoint, limits=limits))
+
+    async def poll(self):
+        while True:
+            self.bus.poll()
+            await asyncio.sleep(0.005)
+
+    async def joined(self):
+        """Open the session, and return a client in it."""
+        await self.bus.open()
+        self.clients.append(client_of(self.endpoint))
+        await self.clients[-1].open()
+        return self.clients[-1]
+
+    async def close(self):
+        for session in (*self.clients, self.bus):
+            await session.close()
+
+
 @pytest.fixture
 async def car():
-    """A car's session that polls, and its endpoint."""
-    endpoint = free_endpoint()
-    bus = CarBus(zenoh_config.car_config([endpoint], None, (), "car1"))
-    polling = asyncio.create_task(poll_for_ever(bus))
-    yield bus, endpoint
+    """A car whose session polls."""
+    one = Car()
+    polling = asyncio.create_task(one.poll())
+    yield one
     polling.cancel()
-    await bus.close()
-
-
-async def poll_for_ever(bus):
-    while True:
-        bus.poll()
-        await asyncio.sleep(0.005)
-
-
-async def connected(bus, key):
-    async with asyncio.timeout(10):
-        while not bus.wanted(key):
-            await asyncio.sleep(0.005)
+    await one.close()
 
 
 def flood(endpoint, key, payload):
@@ -66,14 +76,11 @@ def rude_session(endpoint):
 
 
 async def test_a_flood_of_one_client_leaves_another_clients_commands_alone(car):
-    bus, endpoint = car
     heard = []
-    bus.subscribe(KEY, lambda _key, payload, _arrival_s: heard.append(payload))
-    await bus.open()
-    polite = Bus(zenoh_config.client_config(endpoint, None))
-    await polite.open()
-    await connected(polite, KEY)
-    flooding = asyncio.create_task(asyncio.to_thread(flood, endpoint, KEY, b"x" * COMMAND_BYTES))
+    car.bus.subscribe(KEY, lambda _key, payload, _arrival_s: heard.append(payload))
+    polite = await car.joined()
+    await connected(polite)
+    flooding = asyncio.create_task(asyncio.to_thread(flood, car.endpoint, KEY, b"x" * COMMAND_BYTES))
     said, began_s = 0, time.monotonic()
     while not flooding.done():
         polite.put(KEY, b"stop", urgent=True)
@@ -86,34 +93,25 @@ async def test_a_flood_of_one_client_leaves_another_clients_commands_alone(car):
     assert sent > 5 * ingress.COMMANDS_HZ * took_s, "it was a flood"
     assert from_rude <= 1.1 * ingress.COMMANDS_HZ * took_s + 5
     assert heard.count(b"stop") >= said // 2, "nothing else shares its limit"
-    await polite.close()
 
 
 async def test_wildcards_are_no_way_round_the_limits(car):
-    bus, endpoint = car
-    bus.subscribe(KEY, lambda *_: None)
-    await bus.open()
-    rude = Bus(zenoh_config.client_config(endpoint, None))
-    await rude.open()
-    await connected(rude, KEY)
+    car.bus.subscribe(KEY, lambda *_: None)
+    await connected(await car.joined())
     began_s = time.monotonic()
-    sent = await asyncio.to_thread(flood, endpoint, "wallride/**", b"x" * COMMAND_BYTES)
+    sent = await asyncio.to_thread(flood, car.endpoint, "wallride/**", b"x" * COMMAND_BYTES)
     await asyncio.sleep(0.1)
     took_s = time.monotonic() - began_s
     assert sent > 5 * ingress.COMMANDS_HZ * took_s
-    assert 0 < bus.strays <= 1.1 * ingress.COMMANDS_HZ * took_s + 5
-    await rude.close()
+    assert 0 < car.bus.strays <= 1.1 * ingress.COMMANDS_HZ * took_s + 5
 
 
 @pytest.mark.parametrize("length", [COMMAND_BYTES + 1, 1_000_000])
 async def test_what_is_longer_than_a_command_does_not_reach_python(car, length):
-    bus, endpoint = car
     heard = []
-    bus.subscribe(KEY, lambda _key, payload, _arrival_s: heard.append(payload))
-    await bus.open()
-    rude = Bus(zenoh_config.client_config(endpoint, None))
-    await rude.open()
-    await connected(rude, KEY)
+    car.bus.subscribe(KEY, lambda _key, payload, _arrival_s: heard.append(payload))
+    rude = await car.joined()
+    await connected(rude)
     for _ in range(5):
         rude.put(KEY, b"x" * length)
         await asyncio.sleep(0.02)
@@ -122,29 +120,25 @@ async def test_what_is_longer_than_a_command_does_not_reach_python(car, length):
             rude.put(KEY, b"short")
             await asyncio.sleep(0.05)
     assert set(heard) == {b"short"}
-    assert bus.oversized == 0
-    await rude.close()
+    assert car.bus.oversized == 0
 
 
 async def test_a_flood_of_questions_takes_no_answers_from_another_client(car):
-    bus, endpoint = car
     asked = []
 
     def reply(payload):
         asked.append(payload)
         return b"all of them"
 
-    bus.answer(LIST, reply)
-    await bus.open()
-    polite = Bus(zenoh_config.client_config(endpoint, None))
-    await polite.open()
+    car.bus.answer(LIST, reply)
+    polite = await car.joined()
     async with asyncio.timeout(10):
         while await polite.ask(LIST) != [b"all of them"]:
             await asyncio.sleep(0.05)
     over = threading.Event()
 
     def question():
-        with rude_session(endpoint) as session:
+        with rude_session(car.endpoint) as session:
             while not over.is_set():
                 session.get(LIST, timeout=0.2)
                 time.sleep(0.0005)
@@ -161,27 +155,21 @@ async def test_a_flood_of_questions_takes_no_answers_from_another_client(car):
     assert len(asked) <= 5 + 2 * ingress.PIECES_HZ * max(took_s, 1.0)
     with pytest.raises(RefusedError, match="longer than 4096 bytes"):
         await polite.ask(LIST, b"x" * 4097)
-    await polite.close()
 
 
 async def test_questions_that_come_together_are_all_answered(car):
-    bus, endpoint = car
-    bus.answer(LIST, lambda payload: b"yes " + payload)
-    await bus.open()
-    client = Bus(zenoh_config.client_config(endpoint, None))
-    await client.open()
+    car.bus.answer(LIST, lambda payload: b"yes " + payload)
+    client = await car.joined()
     async with asyncio.timeout(10):
         while not await client.ask(LIST, b""):
             await asyncio.sleep(0.05)
     answers = await asyncio.gather(*(client.ask(LIST, str(i).encode()) for i in range(3)))
     assert answers == [[f"yes {i}".encode()] for i in range(3)]
-    await client.close()
 
 
 async def test_nothing_is_delivered_but_by_a_poll_and_a_poll_is_bounded():
-    endpoint = free_endpoint()
-    bus = CarBus(unlimited(zenoh_config.car_config([endpoint], None, (), "car1")))
-    heard, answered = [], []
+    car, heard, answered = Car(limits=False), [], []
+    bus = car.bus
     bus.subscribe(KEY, lambda _key, payload, _arrival_s: heard.append(payload))
 
     def answer(payload):
@@ -190,10 +178,8 @@ async def test_nothing_is_delivered_but_by_a_poll_and_a_poll_is_bounded():
 
     bus.answer(LIST, answer)
     bus.poll()  # closed: nothing to do
-    await bus.open()
-    client = Bus(zenoh_config.client_config(endpoint, None))
-    await client.open()
-    await connected(client, KEY)
+    client = await car.joined()
+    await connected(client)
     for i in range(3 * MAX_WAITING_SAMPLES):
         client.put(KEY, json.dumps(i).encode())
     asking = [asyncio.create_task(client.ask(LIST, timeout_s=0.5)) for _ in range(10)]
@@ -204,22 +190,20 @@ async def test_nothing_is_delivered_but_by_a_poll_and_a_poll_is_bounded():
     assert [int(payload) for payload in heard] == list(range(2 * MAX_WAITING_SAMPLES, 3 * MAX_WAITING_SAMPLES))
     assert len(answered) == MAX_ANSWERS_PER_POLL
     await asyncio.gather(*asking)
-    await client.close()
-    await bus.close()
+    await car.close()
     bus.poll()
 
 
 async def test_a_client_that_asks_and_does_not_read_holds_up_nothing(car):
-    bus, endpoint = car
     answered = []
 
     def reply(payload):
         answered.append(payload)
         return bytes(PIECE_BYTES)
 
-    bus.answer(PIECES, reply)
-    await bus.open()
-    deaf = Deaf(int(endpoint.rpartition(":")[2]))
+    car.bus.answer(PIECES, reply)
+    await car.bus.open()
+    deaf = Deaf(int(car.endpoint.rpartition(":")[2]))
     rude = await asyncio.to_thread(zenoh.open, plain_client(deaf.endpoint))
     async with asyncio.timeout(10):
         while not answered:  # with zenoh's own quality of service: what is asked must be answered
@@ -292,26 +276,18 @@ class Deaf:
         self._relay.join()
 
 
-def unlimited(config):
-    """Return a configuration without the limits of single clients."""
-    return {key: value for key, value in config.items() if key not in {"downsampling", "low_pass_filter"}}
-
-
 async def test_a_prompt_subscription_needs_no_poll_and_opens_only_what_is_its_own():
-    endpoint, key, heard = free_endpoint(), "0/lidar/scan/type/hash", []
-    config = zenoh_config.car_config([endpoint], None, (), "car1") | {"low_pass_filter": [], "downsampling": []}
-    bus = CarBus(config)
+    car, key, heard = Car(limits=False), "0/lidar/scan/type/hash", []
+    bus = car.bus
     bus.subscribe_prompt(key, lambda payload, note, arrival_s: heard.append((payload, note, arrival_s)), max_bytes=9)
     await bus.open()
-    with rude_session(endpoint) as session:
+    with rude_session(car.endpoint) as session:
         begun_s = time.monotonic()
         session.put("0/lidar/scan/*/hash", b"a stray")
         session.put(key, b"0123456789")
         session.put(key, b"bare")
         session.put(key, b"scan", attachment=b"note")
-        async with asyncio.timeout(10):
-            while len(heard) < 2:
-                await asyncio.sleep(0.005)
+        await until(lambda: len(heard) == 2)
     assert [one[:2] for one in heard] == [(b"bare", None), (b"scan", b"note")]
     assert begun_s < heard[0][2] <= heard[1][2] < time.monotonic()
     assert (bus.strays, bus.oversized) == (1, 1)

@@ -89,18 +89,10 @@ def test_an_unknown_speed_is_nan():
 def test_packing_never_fails_because_an_e_stop_must_get_out(value):
     command = read_command(
         Command(
-            2**64 + 1,
-            2**32 + 1,
-            -1,
-            2**40,
-            Press.ESTOP,
-            Input.PAD,
-            10**9,
-            value,
-            value,
+            2**64 + 1, 2**32 + 1, -1, 2**40, Press.ESTOP, Input.PAD, 10**9, value, value,
             "\x00\x1b[31m\udc80" + "é" * 50,
         ).pack()
-    )
+    )  # fmt: skip
     assert command.flags is Press.ESTOP
     assert (command.session, command.sequence, command.car_session, command.beat) == (1, 1, 2**32 - 1, 0)
     assert (command.speed_mps, command.steering_rad, command.input_age_ms) == (0.0, 0.0, UNKNOWN_AGE_MS)
@@ -120,33 +112,36 @@ def test_names_are_cut_between_characters():
     assert fit_name("日本語" * 9).decode() == "日本語日本語日本"
 
 
-def with_bytes(at, raw, payload=COMMAND_HEX):
-    data = bytearray(bytes.fromhex(payload))
-    data[at : at + len(raw)] = raw
-    return bytes(data)
+def with_bytes(payload, at, raw):
+    return payload[:at] + raw + payload[at + len(raw) :]
 
 
+SPOILT = {
+    "another version": (0, b"WRC2"),
+    "nobody's session": (4, bytes(8)),
+    "an unknown flag": (24, b"\x81"),
+    "an unknown input": (25, b"\x04"),
+    "speed nan": (28, b"\x00\x00\xc0\x7f"),
+    "speed inf": (28, b"\x00\x00\x80\x7f"),
+    "speed -inf": (28, b"\x00\x00\x80\xff"),
+    "speed 51": (28, b"\x00\x00\x4c\x42"),
+    "steering nan": (32, b"\x00\x00\xc0\xff"),
+    "steering 2": (32, b"\x00\x00\x00\x40"),
+    "name not utf-8": (36, b"\xff\xfe"),
+    "name cut inside a character": (36, b"x" * 23 + b"\xc3"),
+    "name with a newline": (36, b"a\nb"),
+    "name with an escape": (36, b"\x1b[2J"),
+    "name with a hole": (36, b"a\0b"),
+    "name that turns the writing direction": (36, "a\u202eb".encode()),
+    "name that is no print": (36, b"\x7f"),
+}
+"""Where a command is spoilt, and the bytes there."""
 BROKEN_COMMANDS = {
     "empty": b"",
     "one byte short": bytes.fromhex(COMMAND_HEX)[:-1],
     "one byte long": bytes.fromhex(COMMAND_HEX) + b"\0",
-    "another version": with_bytes(0, b"WRC2"),
     "a beat, filled up": bytes.fromhex(BEAT_HEX).ljust(60, b"\0"),
-    "nobody's session": with_bytes(4, bytes(8)),
-    "an unknown flag": with_bytes(24, b"\x81"),
-    "an unknown input": with_bytes(25, b"\x04"),
-    "speed nan": with_bytes(28, b"\x00\x00\xc0\x7f"),
-    "speed inf": with_bytes(28, b"\x00\x00\x80\x7f"),
-    "speed -inf": with_bytes(28, b"\x00\x00\x80\xff"),
-    "speed 51": with_bytes(28, b"\x00\x00\x4c\x42"),
-    "steering nan": with_bytes(32, b"\x00\x00\xc0\xff"),
-    "steering 2": with_bytes(32, b"\x00\x00\x00\x40"),
-    "name not utf-8": with_bytes(36, b"\xff\xfe"),
-    "name cut inside a character": with_bytes(36, b"x" * 23 + b"\xc3"),
-    "name with a newline": with_bytes(36, b"a\nb"),
-    "name with an escape": with_bytes(36, b"\x1b[2J"),
-    "name with a hole": with_bytes(36, b"a\0b"),
-    "name that turns the writing direction": with_bytes(36, "a\u202eb".encode()),
+    **{name: with_bytes(bytes.fromhex(COMMAND_HEX), *spoilt) for name, spoilt in SPOILT.items()},
 }
 
 
@@ -162,14 +157,11 @@ def test_broken_commands_are_refused_in_our_own_words(payload):
 @pytest.mark.parametrize(
     "payload",
     [
-        b"",
-        bytes.fromhex(BEAT_HEX)[:-1],
-        with_bytes(3, b"2", BEAT_HEX),
-        with_bytes(12, b"\x80", BEAT_HEX),
-        with_bytes(27, b"\x00\x00\x80\x7f", BEAT_HEX),
-        with_bytes(31, b"\xff", BEAT_HEX),
+        b"", bytes.fromhex(BEAT_HEX)[:-1],
+        *(with_bytes(bytes.fromhex(BEAT_HEX), at, raw)
+          for at, raw in ((3, b"2"), (12, b"\x80"), (27, b"\x00\x00\x80\x7f"), (31, b"\xff"))),
     ],
-)
+)  # fmt: skip
 def test_broken_beats_are_refused(payload):
     with pytest.raises(Malformed):
         read_beat(payload)

@@ -12,8 +12,7 @@ def test_a_number_that_is_not_finite_becomes_null():
 
 
 @pytest.mark.parametrize(
-    ("payload", "error"),
-    [(b"[1]", TypeError), (b"{", ValueError), (b"\xff", ValueError), (b"[" * 60_000, ValueError)],
+    ("payload", "error"), [(b"[1]", TypeError), (b"{", ValueError), (b"\xff", ValueError), (b"[" * 60_000, ValueError)]
 )
 def test_what_is_no_object_is_an_error(payload, error):
     with pytest.raises(error):
