@@ -168,8 +168,8 @@ CASES = [
     Case("e-stop holds also in reverse", [estop(), safety(), permit(), nav(-1.0)], 0, 0.1, N, E, "red button"),
     Case("a stop that nobody drives into is still the reason", [safety(0.0, 0.0, reason="boxed in", measure=0.1),
          permit()], 0, None, None, S, "boxed in", 0.1),
-    Case("half a stop is not", [safety(0.0, INF, reason="ahead"), permit()], 0, None, None, None, SILENT),
-    Case("nor the other half", [safety(INF, 0.0, reason="behind"), permit()], 0, None, None, None, SILENT),
+    Case("half a stop is not", [safety(0.0, 0.5, reason="ahead"), permit()], 0, None, None, None, SILENT),
+    Case("nor the other half", [safety(0.5, 0.0, reason="behind"), permit()], 0, None, None, None, SILENT),
     # the lab's order: teleop over safety over permit over navigation
     Case("the stick beats navigation", [stick(), safety(), permit(), nav()], 2, -0.2, T, T, "stick"),
     Case("the stick beats safety", [stick(), safety(0.0), permit(), nav()], 2, -0.2, T, T, "stick"),

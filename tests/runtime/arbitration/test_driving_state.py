@@ -94,6 +94,12 @@ class Watched:
         )
         self.monitor.own_law = lambda: self.own_law
 
+    def driving(self):
+        """Return it with a permit, driving."""
+        self.permit.grant(until_s=math.inf)
+        assert self.after(output_of(1.0)) is S.DRIVING
+        return self
+
     def after(self, output):
         self.clock.now_s += 0.02
         self.monitor.update(output)
@@ -131,19 +137,14 @@ def test_the_monitor_follows_a_drive_from_the_start_to_a_fault_and_back():
     assert car.monitor.reason == "the e-stop was reset"
 
 
+@pytest.mark.parametrize("before", S)
 @pytest.mark.parametrize(
-    ("before", "output", "after"),
+    ("output", "after"),
     [
-        (before, *case)
-        for before in S
-        for case in (
-            (output_of(1.0), S.DRIVING),
-            (output_of(0.4, winner=Source.SAFETY), S.LIMITED),
-            (output_of(0.0), S.STOPPED),
-            (output_of(0.0, speed_mps=-0.5), S.ARMED),
-        )
+        (output_of(1.0), S.DRIVING), (output_of(0.4, winner=Source.SAFETY), S.LIMITED), (output_of(0.0), S.STOPPED),
+        (output_of(0.0, speed_mps=-0.5), S.ARMED),
     ],
-)
+)  # fmt: skip
 def test_the_state_is_that_of_the_decision_whatever_it_was_before(before, output, after):
     car = Watched()
     car.permit.grant(until_s=math.inf)
@@ -152,9 +153,7 @@ def test_the_state_is_that_of_the_decision_whatever_it_was_before(before, output
 
 
 def test_an_empty_battery_that_took_the_permit_is_a_stop_with_its_own_remedy_and_ends_disarmed():
-    car = Watched()
-    car.permit.grant(until_s=math.inf)
-    assert car.after(output_of(1.0)) is S.DRIVING
+    car = Watched().driving()
     car.battery = "battery empty: 9.4 V"
     car.permit.revoke("battery empty: 9.4 V; permit again")
     assert car.after(output_of(0.0, winner=Source.BATTERY)) is S.STOPPED
@@ -168,9 +167,7 @@ def test_an_empty_battery_that_took_the_permit_is_a_stop_with_its_own_remedy_and
 
 
 def test_a_planner_that_holds_the_car_is_named_as_what_clears_the_stop():
-    car = Watched()
-    car.permit.grant(until_s=math.inf)
-    assert car.after(output_of(1.0)) is S.DRIVING
+    car = Watched().driving()
     assert car.after(output_of(0.0, winner=Source.PLANNER_HOLD, reason="planner slam was lost")) is S.STOPPED
     assert car.monitor.fields()["clears"] == PLANNER_CLEARED_BY
     assert car.after(output_of(0.0, reason="boxed in")) is S.STOPPED
@@ -178,9 +175,7 @@ def test_a_planner_that_holds_the_car_is_named_as_what_clears_the_stop():
 
 
 def test_a_law_of_the_user_that_failed_is_to_be_mended():
-    car = Watched()
-    car.permit.grant(until_s=math.inf)
-    assert car.after(output_of(1.0)) is S.DRIVING
+    car = Watched().driving()
     car.own_law = "mine:Law raised ValueError: lost (mine.py:7)"
     assert car.after(output_of(0.0, reason=car.own_law)) is S.STOPPED
     assert car.monitor.fields()["clears"] == OWN_LAW_CLEARED_BY
@@ -222,8 +217,7 @@ def test_a_permit_ends_at_its_end():
 
 
 def test_the_state_is_as_old_as_its_beginning():
-    car = Watched()
-    car.permit.grant(until_s=math.inf)
-    for _ in range(5):
+    car = Watched().driving()
+    for _ in range(4):
         car.after(output_of(1.0))
     assert car.monitor.fields()["for_s"] == pytest.approx(0.08)

@@ -26,8 +26,9 @@ class QueueMachine(RuleBasedStateMachine):
         alive = [entry for entry in self.model.values() if entry[2] > self.now_s]
         return [entry[3] for entry in sorted(alive, key=lambda entry: entry[:2])]
 
-    @rule(key=KEYS, value=st.integers(), priority=st.integers(0, 3), lifetime_s=st.sampled_from([0, 1, 2, 5, NEVER_S]))
-    def put(self, key, value, priority, lifetime_s):
+    @rule(key=KEYS, priority=st.integers(0, 3), lifetime_s=st.sampled_from([0, 1, 2, 5, NEVER_S]))
+    def put(self, key, priority, lifetime_s):
+        value = object()  # which nothing may compare
         self.sequence += 1
         self.queue.place(key, value, priority=priority, expires_at_s=self.now_s + lifetime_s)
         self.model[key] = (priority, self.sequence, self.now_s + lifetime_s, value)
@@ -52,37 +53,7 @@ class QueueMachine(RuleBasedStateMachine):
 
 
 TestQueue = QueueMachine.TestCase
-TestQueue.settings = settings(max_examples=6 * settings.default.max_examples, stateful_step_count=30, deadline=None)
-
-
-def test_a_superseded_word_never_comes_back():
-    queue = PriorityQueue(lambda: 0.0)
-    queue.place("stick", "old", priority=0, expires_at_s=1)
-    queue.place("stick", "new", priority=0, expires_at_s=1)
-    assert queue.sweep() == ["new"]
-    queue.discard("stick")
-    assert queue.sweep() == []
-
-
-def test_looking_does_not_consume():
-    queue = PriorityQueue(lambda: 0.0)
-    queue.place("a", 1, priority=0, expires_at_s=1)
-    assert queue.live() == queue.live() == [1]
-
-
-def test_values_are_never_compared():
-    queue = PriorityQueue(lambda: 0.0)
-    queue.place("a", object(), priority=0, expires_at_s=1)
-    queue.place("b", object(), priority=0, expires_at_s=1)
-    assert len(queue.live()) == 2
-
-
-def test_a_word_is_dead_at_its_expiry_not_after():
-    now = [0.0]
-    queue = PriorityQueue(lambda: now[0])
-    queue.place("a", 1, priority=0, expires_at_s=0.15)
-    now[0] = 0.15
-    assert queue.live() == []
+TestQueue.settings = settings(max_examples=2 * settings.default.max_examples, stateful_step_count=30, deadline=None)
 
 
 def test_changed_wakes_once_per_burst_and_on_a_poke():
