@@ -22,10 +22,10 @@ AUTO_MPS = 1.0
 class Rig:
     """The desk between a real queue and the real arbitration, with an autonomy that always wants to drive."""
 
-    def __init__(self, permit="required", **settings):
+    def __init__(self, permit="required", order=LAB_ORDER, **settings):
         self.now_s = 100.0
         clock = lambda: self.now_s  # noqa: E731 - the clock is this rig's hand
-        self.queue = CommandQueue(LAB_ORDER, clock)
+        self.queue = CommandQueue(order, clock)
         self.e_stop = EmergencyStop(self.queue)
         self.permit = Permit(self.queue, permit)
         self.faults_cleared = 0
@@ -41,9 +41,12 @@ class Rig:
     def _clear_fault(self):
         self.faults_cleared += 1
 
+    def tick(self):
+        self.desk.tick()
+
     def beat(self):
         """Tick and beat once; every client whose link is up hears it."""
-        self.desk.tick()
+        self.tick()
         self.heard = read_beat(self.desk.beat(math.nan).pack())
         for client in self.clients:
             client.hear(self.heard)
@@ -73,7 +76,7 @@ class Rig:
 
     @property
     def decision(self):
-        return arbitrate(self.queue.live(), REQUIRED, LAB_ORDER)[0]
+        return arbitrate(self.queue.live(), REQUIRED, self.queue.order)[0]
 
     @property
     def standing(self):

@@ -18,8 +18,7 @@ def test_without_any_operator_the_mode_decides():
     assert Rig("required").decision.reason == NOT_GRANTED
 
 
-def test_by_hand_only_while_it_is_held(rig):
-    ann = rig.client()
+def test_by_hand_only_while_it_is_held(rig, ann):
     ann.hold(NOTHING)
     ann.hold(MANUAL)
     assert rig.speed_mps == HAND_MPS
@@ -28,8 +27,7 @@ def test_by_hand_only_while_it_is_held(rig):
     assert rig.decision.driver is not Source.TELEOP
 
 
-def test_the_word_ends_with_the_beat_it_echoed(rig):
-    ann = rig.client()
+def test_the_word_ends_with_the_beat_it_echoed(rig, ann):
     ann.click()
     sent_s = rig.now_s  # the beat of this very moment
     rig.stall(0.199)
@@ -38,8 +36,7 @@ def test_the_word_ends_with_the_beat_it_echoed(rig):
     assert rig.speed_mps == 0
 
 
-def test_what_the_operator_holds_is_known_until_it_expires(rig):
-    ann, bob = rig.client(), rig.client("Bob")
+def test_what_the_operator_holds_is_known_until_it_expires(rig, ann, bob):
 
     def held():
         command = rig.desk.command
@@ -100,8 +97,7 @@ def test_from_one_deadman_to_the_other_without_a_gap():
     assert rig.speed_mps == HAND_MPS
 
 
-def test_a_new_session_that_holds_already_is_not_obeyed(rig):
-    ann = rig.client()
+def test_a_new_session_that_holds_already_is_not_obeyed(rig, ann):
     ann.hold(MANUAL, 1.0)
     assert rig.decision.driver is not Source.TELEOP
     assert rig.heard.flags & CarCondition.REARM
@@ -112,8 +108,7 @@ def test_a_new_session_that_holds_already_is_not_obeyed(rig):
     assert not rig.heard.flags & CarCondition.REARM
 
 
-def test_a_client_that_was_away_wants_a_release_although_it_never_operated(rig):
-    ann = rig.client()
+def test_a_client_that_was_away_wants_a_release_although_it_never_operated(rig, ann):
     ann.hold(NOTHING)
     rig.wait(1.0)
     ann.hold(MANUAL)
@@ -155,8 +150,7 @@ def test_with_permit_always_a_device_that_came_back_resumes_unless_somebody_drov
     assert rig.standing == "waiting for a press"
 
 
-def test_thousands_of_sessions_take_no_memory_and_cannot_push_the_operator_out(rig):
-    ann = rig.client()
+def test_thousands_of_sessions_take_no_memory_and_cannot_push_the_operator_out(rig, ann):
     ann.click()
     for number in range(1000, 6000):
         crowd = rig.client(f"x{number}", number)
@@ -173,8 +167,7 @@ def test_thousands_of_sessions_take_no_memory_and_cannot_push_the_operator_out(r
     assert rig.decision.reason == "Bob drives", "silent ones make room"
 
 
-def test_the_round_trip_is_shown(rig):
-    ann = rig.client()
+def test_the_round_trip_is_shown(rig, ann):
     ann.click()
     ann.deaf = True
     rig.wait(0.1)
@@ -197,8 +190,7 @@ def test_the_acknowledged_age_counts_from_the_arrival():
     assert rig.desk.beat(math.nan).acknowledged_age_ms == 50
 
 
-def test_nothing_is_logged_per_message(rig, caplog):
-    ann = rig.client()
+def test_nothing_is_logged_per_message(rig, ann, caplog):
     for number in range(5000):
         rig.now_s += 0.001
         ann.send(MANUAL)

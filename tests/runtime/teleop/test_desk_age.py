@@ -28,8 +28,7 @@ def test_a_burst_of_late_commands_moves_nothing(permit):
     assert rig.desk.view().accepted == 2
 
 
-def test_the_last_moments_of_a_burst_are_fresh_and_still_not_obeyed(rig):
-    ann = rig.client()
+def test_the_last_moments_of_a_burst_are_fresh_and_still_not_obeyed(rig, ann):
     ann.click()
     late = []
     for _ in range(150):
@@ -42,8 +41,7 @@ def test_the_last_moments_of_a_burst_are_fresh_and_still_not_obeyed(rig):
 
 
 @pytest.mark.parametrize(("age_s", "obeyed"), [(0.0, True), (0.19, True), (0.2, False), (0.25, False)])
-def test_a_command_is_as_old_as_its_beat(rig, age_s, obeyed):
-    ann = rig.client()
+def test_a_command_is_as_old_as_its_beat(rig, ann, age_s, obeyed):
     ann.send(NOTHING)
     pressed = ann.make(MANUAL)
     rig.now_s += age_s
@@ -52,8 +50,7 @@ def test_a_command_is_as_old_as_its_beat(rig, age_s, obeyed):
     assert rig.refused == ({} if obeyed else {"stale": 1})
 
 
-def test_an_e_stop_in_a_late_burst_is_obeyed(rig):
-    ann = rig.client()
+def test_an_e_stop_in_a_late_burst_is_obeyed(rig, ann):
     ann.click()
     late = [ann.make(MANUAL), ann.make(ESTOP), ann.make(NOTHING), ann.make(RESET)]
     rig.wait(3.0)
@@ -63,8 +60,7 @@ def test_an_e_stop_in_a_late_burst_is_obeyed(rig):
     assert rig.refused["stale"] == 3, "all but the e-stop"
 
 
-def test_when_the_cars_own_process_stood_still_the_waiting_commands_are_old(rig):
-    ann = rig.client()
+def test_when_the_cars_own_process_stood_still_the_waiting_commands_are_old(rig, ann):
     ann.click()
     waiting = [ann.make(MANUAL) for _ in range(100)]
     rig.stall(3.0)
@@ -74,8 +70,7 @@ def test_when_the_cars_own_process_stood_still_the_waiting_commands_are_old(rig)
     assert rig.refused["stale"] == 100
 
 
-def test_a_copy_of_a_fresh_command_is_not_obeyed(rig):
-    ann = rig.client()
+def test_a_copy_of_a_fresh_command_is_not_obeyed(rig, ann):
     ann.send(NOTHING)
     pressed = ann.send(MANUAL)
     ann.send(NOTHING)
@@ -84,8 +79,7 @@ def test_a_copy_of_a_fresh_command_is_not_obeyed(rig):
     assert rig.refused["replay"] == 1
 
 
-def test_commands_for_an_earlier_start_of_the_car_are_foreign(rig):
-    ann = rig.client()
+def test_commands_for_an_earlier_start_of_the_car_are_foreign(rig, ann):
     ann.send(NOTHING)
     ann.send(MANUAL, car_session=0xBEEF)
     ann.send(MANUAL, car_session=0, beat=0)
@@ -94,8 +88,7 @@ def test_commands_for_an_earlier_start_of_the_car_are_foreign(rig):
 
 
 @pytest.mark.parametrize("ahead", [1, 2, 1000, 2**31, 2**32 - 1000])
-def test_beats_of_the_future_are_unknown(rig, ahead):
-    ann = rig.client()
+def test_beats_of_the_future_are_unknown(rig, ann, ahead):
     ann.send(NOTHING)
     ann.send(MANUAL, beat=rig.heard.beat + ahead)
     assert rig.refused["unknown beat"] == 1
@@ -116,8 +109,7 @@ def test_the_numbers_may_wrap_around(monkeypatch):
     assert rig.refused == {}
 
 
-def test_a_restarted_client_counts_from_one_again(rig):
-    ann = rig.client()
+def test_a_restarted_client_counts_from_one_again(rig, ann):
     ann.click()
     ann.hold(MANUAL, 1.0)
     ann.send(GOODBYE)

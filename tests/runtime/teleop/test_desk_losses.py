@@ -11,8 +11,7 @@ from wallride.runtime.wire.teleop import UNKNOWN_AGE_MS, CarCondition, Input, Pr
 
 
 @pytest.mark.parametrize("held", [MANUAL, AUTONOMY, NOTHING])
-def test_an_operator_who_falls_silent_stops_the_car_in_either_mode(rig, held):
-    ann = rig.client()
+def test_an_operator_who_falls_silent_stops_the_car_in_either_mode(rig, ann, held):
     ann.click()
     ann.hold(held)
     last_s = rig.now_s
@@ -30,8 +29,7 @@ def test_an_operator_who_falls_silent_stops_the_car_in_either_mode(rig, held):
     assert rig.standing == "operator lost"
 
 
-def test_between_two_ticks_silence_is_a_stop_too(rig):
-    ann = rig.client()
+def test_between_two_ticks_silence_is_a_stop_too(rig, ann):
     for held in (MANUAL, AUTONOMY, NOTHING):
         ann.click()
         ann.send(held)
@@ -42,8 +40,7 @@ def test_between_two_ticks_silence_is_a_stop_too(rig):
 
 @pytest.mark.parametrize("held", [MANUAL, AUTONOMY])
 @pytest.mark.parametrize("away_s", [0.3, 2.0, 10.0])
-def test_after_the_link_is_back_nothing_moves_until_the_operator_acts(rig, held, away_s):
-    ann = rig.client()
+def test_after_the_link_is_back_nothing_moves_until_the_operator_acts(rig, ann, held, away_s):
     ann.click(held)
     ann.deaf = True
     rig.wait(away_s)
@@ -68,8 +65,7 @@ def test_after_the_gap_one_press_and_release_lets_autonomy_go_on():
     assert rig.speed_mps == AUTO_MPS
 
 
-def test_a_gap_is_noticed_by_the_command_after_it_when_no_tick_did(rig):
-    ann = rig.client()
+def test_a_gap_is_noticed_by_the_command_after_it_when_no_tick_did(rig, ann):
     ann.click()
     rig.stall(0.3)
     ann.hear(rig.desk.beat(math.nan))  # a beat without a tick
@@ -80,8 +76,7 @@ def test_a_gap_is_noticed_by_the_command_after_it_when_no_tick_did(rig):
     assert rig.speed_mps == 0, "it was lost, and hands off is no act"
 
 
-def test_a_goodbye_is_no_loss(rig):
-    ann = rig.client()
+def test_a_goodbye_is_no_loss(rig, ann):
     ann.click()
     ann.hold(GOODBYE)
     assert rig.refused == {}
@@ -90,8 +85,7 @@ def test_a_goodbye_is_no_loss(rig):
     assert rig.speed_mps == (AUTO_MPS if rig.permit.always else 0)
 
 
-def test_an_operator_who_leaves_unsure_stops_the_car_at_once_and_gives_the_place_back(rig):
-    ann = rig.client()
+def test_an_operator_who_leaves_unsure_stops_the_car_at_once_and_gives_the_place_back(rig, ann):
     ann.click()
     ann.send(MANUAL)
     assert rig.speed_mps == HAND_MPS
@@ -151,8 +145,7 @@ def test_a_bystanders_goodbye_or_silence_means_nothing():
     assert rig.standing == "operator lost"
 
 
-def test_whoever_said_goodbye_is_gone_even_for_copies_of_its_last_commands(rig):
-    ann = rig.client()
+def test_whoever_said_goodbye_is_gone_even_for_copies_of_its_last_commands(rig, ann):
     ann.send(NOTHING)
     ann.send(MANUAL)
     later = [ann.make(NOTHING), ann.make(MANUAL)]
@@ -185,8 +178,7 @@ def test_a_pad_that_is_gone_is_no_release(permit):
         ({"input": Input.KEYBOARD, "input_age_ms": UNKNOWN_AGE_MS}, True),
     ],
 )
-def test_a_pad_that_drives_without_an_event_is_frozen(rig, changes, obeyed):
-    ann = rig.client()
+def test_a_pad_that_drives_without_an_event_is_frozen(rig, ann, changes, obeyed):
     ann.click()
     ann.send(MANUAL, **changes)
     assert (rig.decision.driver is Source.TELEOP) == obeyed
@@ -201,8 +193,7 @@ def test_a_pad_that_drives_without_an_event_is_frozen(rig, changes, obeyed):
 
 
 @pytest.mark.parametrize("flags", [MANUAL | RESET, AUTONOMY | RESET, Press.UNSURE, Press.UNSURE | MANUAL])
-def test_two_things_at_once_and_unknown_hands_stop_the_car(rig, flags):
-    ann = rig.client()
+def test_two_things_at_once_and_unknown_hands_stop_the_car(rig, ann, flags):
     ann.click()
     ann.send(flags)
     assert rig.speed_mps == 0

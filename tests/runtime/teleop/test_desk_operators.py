@@ -9,8 +9,7 @@ from wallride.runtime.arbitration.emergency_stop import Cause
 from wallride.runtime.wire.teleop import CarCondition, Press
 
 
-def test_the_second_is_told_who_operates(rig):
-    ann, bob = rig.client("Ann"), rig.client("Bob")
+def test_the_second_is_told_who_operates(rig, ann, bob):
     ann.click()
     bob.click()
     assert rig.decision.reason == "Ann drives"
@@ -19,8 +18,7 @@ def test_the_second_is_told_who_operates(rig):
     assert (beat.operator_name, beat.operator_session) == ("Ann", ann.session)
 
 
-def test_who_pressed_in_vain_does_not_set_off_when_the_place_is_free(rig):
-    ann, bob = rig.client("Ann"), rig.client("Bob")
+def test_who_pressed_in_vain_does_not_set_off_when_the_place_is_free(rig, ann, bob):
     ann.click()
     bob.click()
     ann.send(GOODBYE)
@@ -30,8 +28,7 @@ def test_who_pressed_in_vain_does_not_set_off_when_the_place_is_free(rig):
     assert rig.decision.reason == "Bob drives"
 
 
-def test_the_place_is_free_after_three_seconds_of_silence(rig):
-    ann, bob = rig.client("Ann"), rig.client("Bob")
+def test_the_place_is_free_after_three_seconds_of_silence(rig, ann, bob):
     ann.click()
     rig.wait(2.9)
     bob.click()
@@ -44,8 +41,7 @@ def test_the_place_is_free_after_three_seconds_of_silence(rig):
 
 
 @pytest.mark.parametrize("held", [MANUAL, AUTONOMY, NOTHING])
-def test_taking_over_stops_the_car_and_wants_a_release(rig, held):
-    ann, bob = rig.client("Ann"), rig.client("Bob")
+def test_taking_over_stops_the_car_and_wants_a_release(rig, ann, bob, held):
     ann.click()
     ann.send(held)
     bob.send(NOTHING)
@@ -62,8 +58,7 @@ def test_taking_over_stops_the_car_and_wants_a_release(rig, held):
     assert rig.decision.reason == "Bob drives"
 
 
-def test_a_stale_take_over_changes_nothing(rig):
-    ann, bob = rig.client("Ann"), rig.client("Bob")
+def test_a_stale_take_over_changes_nothing(rig, ann, bob):
     late = bob.make(TAKE_OVER)
     ann.click()
     for _ in range(20):
@@ -72,8 +67,7 @@ def test_a_stale_take_over_changes_nothing(rig):
     assert rig.decision.reason == "Ann drives"
 
 
-def test_a_lost_operators_place_can_be_taken_over_at_once(rig):
-    ann, bob = rig.client("Ann"), rig.client("Bob")
+def test_a_lost_operators_place_can_be_taken_over_at_once(rig, ann, bob):
     ann.click()
     rig.wait(0.3)
     bob.send(TAKE_OVER)
@@ -84,8 +78,7 @@ def test_a_lost_operators_place_can_be_taken_over_at_once(rig):
 
 
 @pytest.mark.parametrize("flags", [ESTOP, ESTOP | GOODBYE, MANUAL | AUTONOMY, Press(63)])
-def test_e_stop_latches_from_anybody_and_holds(rig, flags):
-    ann, bob = rig.client("Ann"), rig.client("Bob")
+def test_e_stop_latches_from_anybody_and_holds(rig, ann, bob, flags):
     ann.click()
     bob.send(flags)
     assert rig.decision.winner is Source.ESTOP
@@ -102,8 +95,7 @@ def test_e_stop_latches_from_anybody_and_holds(rig, flags):
     assert rig.standing == "e-stop"
 
 
-def test_e_stop_is_obeyed_from_commands_that_count_for_nothing_else(rig):
-    ann = rig.client()
+def test_e_stop_is_obeyed_from_commands_that_count_for_nothing_else(rig, ann):
     for changes in ({"car_session": 1}, {"beat": 12345}, {"sequence": 0}, {"session": 2**64 - 1}, {"name": ""}):
         ann.send(ESTOP, **changes)
         assert rig.e_stop.latched
@@ -128,8 +120,7 @@ def test_e_stop_is_obeyed_from_a_command_that_is_broken_inside(rig):
     assert rig.refused == {"malformed": 1}
 
 
-def test_reset_is_a_deliberate_act_and_moves_nothing(rig):
-    ann = rig.client()
+def test_reset_is_a_deliberate_act_and_moves_nothing(rig, ann):
     ann.click()
     ann.hold(ESTOP)
     ann.send(RESET)
@@ -163,8 +154,7 @@ def test_a_reset_moves_nothing_although_everybody_left_in_peace():
     assert rig.standing == "waiting for a press"
 
 
-def test_a_stale_or_foreign_reset_resets_nothing(rig):
-    ann = rig.client()
+def test_a_stale_or_foreign_reset_resets_nothing(rig, ann):
     ann.send(ESTOP)
     ann.send(NOTHING)
     late = ann.make(RESET)
@@ -174,8 +164,7 @@ def test_a_stale_or_foreign_reset_resets_nothing(rig):
     assert rig.e_stop.latched
 
 
-def test_only_the_operator_resets_while_there_is_one(rig):
-    ann, bob = rig.client("Ann"), rig.client("Bob")
+def test_only_the_operator_resets_while_there_is_one(rig, ann, bob):
     ann.click()
     bob.send(ESTOP)
     ann.send(NOTHING)
@@ -186,8 +175,7 @@ def test_only_the_operator_resets_while_there_is_one(rig):
     assert not rig.e_stop.latched
 
 
-def test_a_reset_during_a_motor_fault_asks_the_motor_and_waits_for_it(rig):
-    ann = rig.client()
+def test_a_reset_during_a_motor_fault_asks_the_motor_and_waits_for_it(rig, ann):
     rig.e_stop.latch(Cause.MOTOR, "motor fault: DRV")
     rig.desk.rearm("the motor had a fault; permit again")
     ann.send(ESTOP)
@@ -201,8 +189,7 @@ def test_a_reset_during_a_motor_fault_asks_the_motor_and_waits_for_it(rig):
     assert rig.speed_mps == HAND_MPS
 
 
-def test_a_reset_without_an_e_stop_changes_nothing_but_wants_a_release(rig):
-    ann = rig.client()
+def test_a_reset_without_an_e_stop_changes_nothing_but_wants_a_release(rig, ann):
     before = rig.speed_mps
     ann.click(RESET)
     assert rig.faults_cleared == 0

@@ -1,6 +1,7 @@
 """The planners' desk, under the real arbitration and operator's desk, in virtual time: every rule, broken once each."""
 
 import math
+import struct
 
 import pytest
 
@@ -21,6 +22,17 @@ def slam(rig):
     planner = Planner(rig, "slam")
     rig.beat()
     return planner
+
+
+def together(rig, ann, press, *sends):
+    """Let an operator press, and planners send beside it for a tenth of a second."""
+    rig.beat()
+    ann.click(press)
+    for _ in range(5):
+        rig.wait(STEP_S)
+        ann.send(press)
+        for send in sends:
+            send()
 
 
 def test_a_planner_drives_in_the_followers_place(rig, slam):
@@ -88,7 +100,7 @@ def test_a_goodbye_gives_the_car_back_and_may_be_said_thrice(rig, slam):
     for _ in range(3):
         slam.send(Press.GOODBYE)
     assert rig.decision.driver is Source.NAVIGATION
-    assert rig.refused("slam") == {}
+    assert rig.refused_of("slam") == {}
     rig.wait(1.0)
     assert rig.planner_desk.status()["lost"] == ""
 
@@ -100,7 +112,7 @@ def test_a_planner_that_leaves_unsure_is_lost_at_once_and_its_name_is_free(rig, 
         slam.send(Press.GOODBYE | Press.UNSURE)
     assert rig.decision.speed_mps == 0.0
     assert rig.planner_desk.status()["lost"] == "slam"
-    assert rig.refused("slam") == {}
+    assert rig.refused_of("slam") == {}
     rig.drive(Planner(rig, "slam", session=2))
     assert driven(rig) == PLANNED
 
@@ -117,13 +129,8 @@ def test_a_planner_that_fails_before_its_first_plan_stops_the_car_and_its_name_i
 
 def test_a_lost_planner_takes_the_permit_along_and_only_a_new_one_lets_the_follower_go():
     rig = Rig(permit="required")
-    slam, ann = Planner(rig, "slam"), rig.operator()
-    rig.beat()
-    ann.click(Press.AUTONOMY)
-    for _ in range(5):
-        rig.wait(STEP_S)
-        ann.send(Press.AUTONOMY)
-        slam.send()
+    slam, ann = Planner(rig, "slam"), rig.client("ann", 50)
+    together(rig, ann, Press.AUTONOMY, slam.send)
     assert driven(rig) == PLANNED
     ann.hold(Press.AUTONOMY, 0.5)
     assert rig.decision.speed_mps == 0.0
@@ -139,13 +146,8 @@ def test_a_lost_planner_takes_the_permit_along_and_only_a_new_one_lets_the_follo
 
 def test_a_planner_lost_while_a_human_drives_does_not_stop_the_human():
     rig = Rig(permit="required")
-    slam, ann = Planner(rig, "slam"), rig.operator()
-    rig.beat()
-    ann.click()
-    for _ in range(5):
-        rig.wait(STEP_S)
-        ann.send(Press.MANUAL)
-        slam.send()
+    slam, ann = Planner(rig, "slam"), rig.client("ann", 50)
+    together(rig, ann, Press.MANUAL, slam.send)
     ann.hold(Press.MANUAL, 0.5)
     assert (rig.decision.driver, rig.decision.speed_mps) == (Source.TELEOP, 2.0)
 
@@ -177,7 +179,7 @@ def test_what_does_not_count_is_refused_counted_and_named_and_its_drive_ends(rig
     for _ in range(5):
         rig.wait(STEP_S)
         slam.send(**{"speed_mps": 9.0, **changes})
-    assert rig.refused("slam") == {kind: 5}
+    assert rig.refused_of("slam") == {kind: 5}
     assert rig.decision.speed_mps == pytest.approx(1.5), "the last good one holds"
     rig.now_s = before_s + EXPIRY_S
     assert rig.decision.speed_mps == 0.0
@@ -190,7 +192,7 @@ def test_a_command_that_waited_is_stale(rig, slam):
     rig.wait(EXPIRY_S + STEP_S)
     for payload in waited:
         rig.send("slam", payload)
-    assert rig.refused("slam") == {"stale": 50}
+    assert rig.refused_of("slam") == {"stale": 50}
     assert rig.decision.speed_mps == 0.0
 
 
@@ -198,31 +200,22 @@ def test_a_command_that_waited_is_stale(rig, slam):
 def test_nonsense_is_counted(rig, slam, payload):
     rig.drive(slam)
     rig.send("slam", payload)
-    assert rig.refused("slam") == {"malformed": 1}
+    assert rig.refused_of("slam") == {"malformed": 1}
     assert driven(rig) == PLANNED
 
 
 def test_numbers_that_are_none_are_nonsense(rig, slam):
-    import struct
-
-    payload = bytearray(slam.make())
-    struct.pack_into("<f", payload, 28, math.nan)
-    rig.send("slam", bytes(payload))
-    assert rig.refused("slam") == {"malformed": 1}
+    payload = slam.make()
+    rig.send("slam", payload[:28] + struct.pack("<f", math.nan) + payload[32:])
+    assert rig.refused_of("slam") == {"malformed": 1}
     assert rig.decision.driver is Source.NAVIGATION
 
 
 @pytest.mark.parametrize("asks", [DRIVES, Press(0)])
 def test_after_a_goodbye_the_next_planner_in_force_has_the_car_at_once_and_its_loss_is_noticed(asks):
     rig = Rig(permit="required")
-    slam, nn, ann = Planner(rig, "slam"), Planner(rig, "nn", session=2), rig.operator()
-    rig.beat()
-    ann.click(Press.AUTONOMY)
-    for _ in range(5):
-        rig.wait(STEP_S)
-        ann.send(Press.AUTONOMY)
-        slam.send()
-        nn.send(asks, speed_mps=0.7)
+    slam, nn, ann = Planner(rig, "slam"), Planner(rig, "nn", session=2), rig.client("ann", 50)
+    together(rig, ann, Press.AUTONOMY, slam.send, lambda: nn.send(asks, speed_mps=0.7))
     slam.send(Press.GOODBYE)
     assert rig.planner_desk.status()["driving"] == "nn"
     assert rig.decision.speed_mps == (pytest.approx(0.7) if asks else 0.0)
