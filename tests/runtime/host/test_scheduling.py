@@ -63,18 +63,15 @@ print(mine == os.SCHED_FIFO, seen == [os.SCHED_OTHER])
 """
 
 
+def run(program, *, check=True):
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=check, timeout=50)
+
+
 @pytest.mark.parametrize("way", [INHERITED, ASKED])
 def test_other_threads_run_below_the_one_that_drives(way):
-    done = subprocess.run(
-        [sys.executable, "-c", f"import os, threading\n{way}{PROGRAM}"],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=50,
-    )
-    if (
-        "PermissionError" in done.stderr or "refused" in done.stdout
-    ):  # an ordinary user may not ask for SCHED_FIFO: the car drives without
+    done = run(f"import os, threading\n{way}{PROGRAM}", check=False)
+    # an ordinary user may not ask for SCHED_FIFO: the car drives without
+    if "PermissionError" in done.stderr or "refused" in done.stdout:
         assert os.getuid() != 0
         return
     words, verdict = done.stdout.splitlines()
@@ -85,13 +82,8 @@ def test_other_threads_run_below_the_one_that_drives(way):
 @pytest.mark.parametrize(("way", "policy"), [(ASKED, os.SCHED_FIFO), ("", os.SCHED_OTHER)])
 def test_a_thread_of_python_runs_before_ordinary_programs_where_the_one_that_drives_does(way, policy):
     """It may hold the interpreter's lock while another program keeps it from the processor."""
-    program = (
-        f"import os, threading\nos.setpriority(os.PRIO_PROCESS, 0, max(0, os.getpriority(os.PRIO_PROCESS, 0)))\n{way}"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", program + THREADS], capture_output=True, text=True, check=True, timeout=50
-    )
-    words, seen = done.stdout.splitlines()
+    begun = "os.setpriority(os.PRIO_PROCESS, 0, max(0, os.getpriority(os.PRIO_PROCESS, 0)))"
+    words, seen = run(f"import os, threading\n{begun}\n{way}{THREADS}").stdout.splitlines()
     if "refused" in words and os.getuid() != 0:  # an ordinary user may not ask for it without LimitNICE of the unit
         return
     nice = max(0, os.getpriority(os.PRIO_PROCESS, 0))
@@ -99,16 +91,14 @@ def test_a_thread_of_python_runs_before_ordinary_programs_where_the_one_that_dri
 
 
 def test_a_refused_policy_is_said_and_the_car_drives_without():
-    program = f"import os\nfrom wallride.runtime.host import scheduling\n{REFUSED}"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=50)
+    done = run(f"import os\nfrom wallride.runtime.host import scheduling\n{REFUSED}", check=False)
     words, verdict = done.stdout.splitlines()
     assert words.startswith("ordinary scheduling: SCHED_FIFO was refused (Operation not permitted")
     assert verdict == "True"
 
 
 def test_where_a_policy_is_refused_the_thread_that_drives_asks_for_a_niceness():
-    done = subprocess.run([sys.executable, "-c", NICED], capture_output=True, text=True, check=True, timeout=50)
-    words, nice = done.stdout.splitlines()
+    words, nice = run(NICED).stdout.splitlines()
     if "niceness" in words:
         assert words.startswith("ordinary scheduling, niceness -10, in the thread that drives: SCHED_FIFO was refused")
         assert nice == "-10 0", "other threads do not inherit it"

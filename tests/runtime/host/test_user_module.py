@@ -120,8 +120,7 @@ def test_others_are_those_who_may_exchange_a_file_or_a_folder_above_it(tmp_path,
 
 
 @pytest.mark.parametrize(
-    "command",
-    [["keys", "list", "--dir", "nowhere"], ["vesc", "set", "--dry-run"], ["doctor", "--only", "access"]],
+    "command", [["keys", "list", "--dir", "nowhere"], ["vesc", "set", "--dry-run"], ["doctor", "--only", "access"]]
 )
 def test_a_command_that_needs_no_law_loads_none(command, tmp_path, monkeypatch, capfd, law_file):
     monkeypatch.delitem(sys.modules, "spoken", raising=False)

@@ -14,10 +14,12 @@ from wallride.drivers.api import Health, LinkState, Scan
 from wallride.drivers.scan_check import ScanCheck
 from wallride.runtime.arbitration.inbox import Inbox
 from wallride.runtime.lidars import own_driver_mistakes
+from wallride.runtime.own_drivers import driver_class
 from wallride.runtime.own_drivers.lidar import OwnLidar
 from wallride.runtime.own_drivers.places import GIVEN_UP_S, HangWatch, calling_place, holding_place
 from wallride.runtime.own_drivers.settings import OwnLidarSettings
-from wallride.runtime.settings.tree import Settings
+from wallride.runtime.parameters.catalogue import catalogue
+from wallride.runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
 from wallride.sim.virtual.virtual_time import run_virtual
 
 __all__ = ["driver_file"]
@@ -54,10 +56,7 @@ MISTAKES = {
     "exits": ("raise SystemExit(3)", "raised SystemExit: 3"),
     "type": ("on_scan([1.0, 2.0])", "delivered a list where a Scan is needed"),
     "again": ("scan = self.scan(); on_scan(scan); on_scan(scan)", "repeats a scan"),
-    "back": (
-        "on_scan(self.scan(stamp_s=self.clock() - 0.08, received_s=self.clock() - 0.08))",
-        "jumped back in time by 0.055 s",
-    ),
+    "back": ("t = self.clock() - 0.08; on_scan(self.scan(stamp_s=t, received_s=t))", "jumped back in time by 0.055 s"),
     "future": ("on_scan(self.scan(received_s=self.clock() + 900))", "received 900 s in the future"),
     "ahead": ("on_scan(self.scan(stamp_s=self.clock() + 0.5))", "stamped a scan 0.5 s after it was received"),
     "nan": ("on_scan(self.scan(stamp_s=math.nan))", "delivered stamp_s that is no finite number"),
@@ -66,27 +65,19 @@ MISTAKES = {
     "zero": ("on_scan(self.scan(ranges_m=np.zeros(121, np.float32)))", "a beam of 0 m, nearer than"),
     "float64": ("on_scan(self.scan(ranges_m=np.ones(121)))", "no array (n,) of float32"),
     "circle": ("on_scan(self.scan(angle_step_rad=0.08))", "delivered a field of 550 deg"),
-    "masked": (
-        "on_scan(self.scan(ranges_m=np.ma.masked_less(np.ones(121, np.float32), 2)))",
-        "delivered ranges_m as a MaskedArray: fill it with NaN",
-    ),
-    "no left": (
-        "on_scan(self.scan(ranges_m=np.ones(100, np.float32)))",
-        "sees from -103 to 67 degrees, and a car needs -90 to 90",
-    ),
-    "coarse": (
-        "on_scan(self.scan(angle_step_rad=0.036, ranges_m=np.ones(101, np.float32)))",
-        "has a beam every 2.1 degrees, and a car needs 2 degrees or less",
-    ),
-    "blind near": (
-        "on_scan(self.scan(range_min_m=1.0))",
-        "sees nothing nearer than 1 m, and a car needs 0.3 m or less",
-    ),
+    "masked": ("on_scan(self.scan(ranges_m=np.ma.masked_less(np.ones(121, np.float32), 2)))",
+               "delivered ranges_m as a MaskedArray: fill it with NaN"),
+    "no left": ("on_scan(self.scan(ranges_m=np.ones(100, np.float32)))",
+                "sees from -103 to 67 degrees, and a car needs -90 to 90"),
+    "coarse": ("on_scan(self.scan(angle_step_rad=0.036, ranges_m=np.ones(101, np.float32)))",
+               "has a beam every 2.1 degrees, and a car needs 2 degrees or less"),
+    "blind near": ("on_scan(self.scan(range_min_m=1.0))",
+                   "sees nothing nearer than 1 m, and a car needs 0.3 m or less"),
     "descends": ("on_scan(self.scan(angle_step_rad=-0.03))", "an angle_step_rad of 0 or less"),
     "field": ("on_scan(self.scan(angle_min_rad=-1.6))", "changed its field by 11 deg"),
     "number": ("on_scan(self.scan(sequence=3))", "delivered scan 3 after scan"),
     "health": ("self.health = 'fine'", "its health is a str, not a Health"),
-}
+}  # fmt: skip
 
 
 def lidar(name, clock, **changes):
@@ -113,19 +104,24 @@ def driven(name, duration_s=3.0, **changes):
     return run_virtual(main())
 
 
+def fault_in(seen):
+    """Return when a driver was faulty first, and what was said of it."""
+    return next((at_s, message) for at_s, link, message in seen if link is LinkState.FAULTY)
+
+
 @pytest.mark.parametrize("what", MISTAKES)
 def test_a_mistake_ends_the_scans_at_once_is_told_with_its_line_and_the_driver_is_made_anew(driver_file, what):
     then, words = MISTAKES[what]
     name = driver_file(DRIVER.format(then=then))
     scans, seen, one, _ = driven(name)
-    first = next((at_s, message) for at_s, link, message in seen if link is LinkState.FAULTY)
-    assert first[0] < 0.65
-    assert first[1].startswith(name)
-    assert words in first[1]
+    first_s, message = fault_in(seen)
+    assert first_s < 0.65
+    assert message.startswith(name)
+    assert words in message
     stated = what in {"ends", "cancels", "health"}  # no line of theirs is at fault
-    assert f"{name.partition(':')[0]}.py:{LINE}" in first[1] or stated
-    assert not [at_s for at_s, _ in scans if first[0] < at_s < first[0] + 0.9]
-    assert [at_s for at_s, _ in scans if at_s > first[0] + 0.9]
+    assert f"{name.partition(':')[0]}.py:{LINE}" in message or stated
+    assert not [at_s for at_s, _ in scans if first_s < at_s < first_s + 0.9]
+    assert [at_s for at_s, _ in scans if at_s > first_s + 0.9]
     assert one.health.counts["restart"] >= 1
 
 
@@ -167,7 +163,7 @@ def test_a_scan_is_copied_into_plain_numbers(driver_file):
 def test_a_driver_that_hangs_is_told_with_the_line_at_which_it_waits(driver_file):
     name = driver_file(DRIVER.format(then="await asyncio.Event().wait()"))
     _, seen, _, _ = driven(name)
-    at_s, _, message = next(one for one in seen if one[1] is LinkState.FAULTY)
+    at_s, message = fault_in(seen)
     assert 0.9 < at_s < 1.05
     assert message.startswith(f"{name}: no scan for 0.5 s (it waits in {name.partition(':')[0]}.py:{LINE})")
 
@@ -177,16 +173,14 @@ def test_a_driver_that_hangs_within_until_lost_is_told_with_the_line_of_its_own_
     name = driver_file(DRIVER.format(then="await until_lost(self, self.talk())") + LOST + work)
     line = (HEAD + DRIVER + LOST + work).count("\n")
     _, seen, _, _ = driven(name)
-    message = next(message for _, link, message in seen if link is LinkState.FAULTY)
-    assert message.startswith(f"{name}: no scan for 0.5 s (it waits in {name.partition(':')[0]}.py:{line})")
+    assert fault_in(seen)[1].startswith(f"{name}: no scan for 0.5 s (it waits in {name.partition(':')[0]}.py:{line})")
 
 
 def test_old_scans_are_dropped_and_told(driver_file):
     late = "self.scan(stamp_s=self.clock() - 0.2)"
     name = driver_file(DRIVER.format(then=f"\n        while True: on_scan({late}); await asyncio.sleep(0.025)\n"))
-    scans, seen, one, _ = driven(name)
-    # 0.2 s back is before the scan that was delivered last
-    assert "jumped back in time" in next(message for _, link, message in seen if link is LinkState.FAULTY)
+    _, seen, _, _ = driven(name)
+    assert "jumped back in time" in fault_in(seen)[1], "0.2 s back is before the scan that was delivered last"
     wait = "await asyncio.sleep(0.3)"
     name = driver_file(DRIVER.format(then=f"{wait}\n        while True: on_scan({late}); await asyncio.sleep(0.025)\n"))
     scans, seen, one, _ = driven(name)
@@ -239,9 +233,7 @@ def test_what_the_car_raises_passes_through_and_is_no_fault_of_the_driver(driver
 def test_a_scan_from_another_thread_is_refused(driver_file):
     then = "one = threading.Thread(target=lambda: on_scan(self.scan())); one.start(); one.join()"
     _, seen, _, _ = driven(driver_file(DRIVER.format(then=then)))
-    assert "from another thread: use loop.call_soon_threadsafe" in next(
-        message for _, link, message in seen if link is LinkState.FAULTY
-    )
+    assert "from another thread: use loop.call_soon_threadsafe" in fault_in(seen)[1]
 
 
 async def test_a_driver_that_blocks_the_loop_is_told_with_its_line(driver_file):
@@ -260,15 +252,8 @@ def test_a_line_that_does_not_return_is_told_once_and_ends_the_process_at_last(c
     ended = []
     watch = HangWatch(Path("x.py"), lambda: 0.0, ended.append)
     watch.end()
-    for late_s, place in (
-        (0.5, "x.py:7"),
-        (1.2, ""),
-        (1.3, "x.py:7"),
-        (5.0, "x.py:7"),
-        (0.5, "x.py:7"),
-        (1.1, "x.py:8"),
-    ):
-        watch._note(late_s, place)
+    for late_s, line in ((0.5, 7), (1.2, None), (1.3, 7), (5.0, 7), (0.5, 7), (1.1, 8)):
+        watch._note(late_s, f"x.py:{line}" if line else "")
     assert caplog.messages == [
         "x.py:7 has held the car up for 1.3 s, and does yet", "x.py:8 has held the car up for 1.1 s, and does yet",
     ]  # fmt: skip
@@ -318,8 +303,6 @@ def test_a_law_that_hangs_inside_a_delivery_is_not_what_the_driver_holds_up(driv
     ],
 )
 def test_a_wrong_class_is_told_before_a_port_is_opened(driver_file, text, words):
-    from wallride.runtime.settings.tree import SettingsError, load_settings
-
     name = driver_file(text)
     with pytest.raises(SettingsError) as told:
         load_settings(None, [f"lidar.driver={name}"], drivers=True)
@@ -328,9 +311,6 @@ def test_a_wrong_class_is_told_before_a_port_is_opened(driver_file, text, words)
 
 
 def test_its_settings_are_checked_listed_and_named(driver_file):
-    from wallride.runtime.parameters.catalogue import catalogue
-    from wallride.runtime.settings.tree import SettingsError, load_settings, to_toml
-
     text = "class Own(DriverSettings):\n    gain: float = 1.5\n    '''Its gain [rad/m].'''\n"
     name = driver_file(text + DRIVER.format(then="pass").replace("class Driver:", "class Driver:\n    Settings = Own"))
     settings = load_settings(None, [f"lidar.driver={name}", "lidar.own.gain=2"], drivers=True)
@@ -345,16 +325,11 @@ def test_its_settings_are_checked_listed_and_named(driver_file):
 
 
 def test_without_the_file_settings_are_read_and_no_code_runs(driver_file):
-    from wallride.runtime.settings.tree import load_settings
-
     settings = load_settings(None, ["lidar.driver=not_there:Driver", "lidar.own.gain=2", "motor.driver=nor_there:M"])
     assert Settings.model_validate(settings.model_dump()) == settings
 
 
 def test_an_installed_package_gives_a_name(driver_file, monkeypatch):
-    from wallride.runtime.own_drivers import driver_class
-    from wallride.runtime.settings.tree import SettingsError, load_settings
-
     name = driver_file(DRIVER.format(then="pass"))
     monkeypatch.setattr(driver_class, "installed", lambda section: {"acme": name} if section == "lidar" else {})
     settings = load_settings(None, ["lidar.driver=acme"], drivers=True)
@@ -365,8 +340,6 @@ def test_an_installed_package_gives_a_name(driver_file, monkeypatch):
 
 
 def test_a_constructor_that_raises_is_told_by_check_with_its_line(driver_file):
-    from wallride.runtime.settings.tree import load_settings
-
     name = driver_file(DRIVER.format(then="pass").replace("self.number = clock", "self.number = 1 / 0, clock"))
     settings = load_settings(None, [f"lidar.driver={name}"], drivers=True)
     assert "raised ZeroDivisionError" in own_driver_mistakes(settings.lidar, settings.motor)[0]

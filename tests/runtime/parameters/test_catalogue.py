@@ -58,19 +58,13 @@ def test_everything_about_every_setting_is_json(settings):
         ("safety.backs_out", ValueKind.BOOLEAN, True, "true or false", "", Effect.NOW),
         ("car.max_speed_mps", ValueKind.NUMBER, 4.0, "a number above 0 and at most 20 m/s", "m/s", Effect.NOW),
         ("car.wheelbase_m", ValueKind.NUMBER, 0.33, "a number above 0.05 and at most 2 m", "m", Effect.RESTART),
-        (
-            "motor.brake_mps2_per_a",
-            ValueKind.NUMBER,
-            0.17,
-            "a number above 0 and at most 5 m/s2/A",
-            "m/s2/A",
-            Effect.RESTART,
-        ),
+        ("motor.brake_mps2_per_a", ValueKind.NUMBER, 0.17, "a number above 0 and at most 5 m/s2/A", "m/s2/A",
+         Effect.RESTART),
         ("lidar.address", ValueKind.TEXT, "tcp://192.168.0.10:10940", "a text", "", Effect.RESTART),
         ("operator.permit", ValueKind.CHOICE, "required", "'required' or 'always'", "", Effect.RESTART),
         ("log.level", ValueKind.CHOICE, "INFO", "'DEBUG' or 'INFO' or 'WARNING' or 'ERROR'", "", Effect.NOW),
     ],
-)
+)  # fmt: skip
 def test_what_is_said_about_a_setting(name, kind, default, range_words, unit, effect):
     found = catalogue(SETTINGS)[name]
     assert (found.kind, found.default, found.range_words(), found.unit, found.effect) == (
@@ -93,10 +87,8 @@ def test_the_text_under_a_field_is_its_description_also_when_a_base_class_has_it
 @of_every_law
 def test_what_selects_a_law_says_what_each_is(settings):
     known = catalogue(settings)
-    words = known["wall_follow.method"].words
-    assert words.startswith(
-        "Wall-following law. ball: the rolling ball, the default. report: the lab report's follower."
-    )
+    first = "Wall-following law. ball: the rolling ball, the default. report: the lab report's follower."
+    assert known["wall_follow.method"].words.startswith(first)
     for section, laws in METHODS.items():
         for law in laws:
             summary = law.__doc__.partition(".")[0]

@@ -158,12 +158,7 @@ def failing(code):
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO, errno.EROFS])
 def test_a_failing_disk_leaves_the_old_file_and_says_why(file, monkeypatch, step, code):
     with monkeypatch.context() as broken:
-        if step == "replace":
-            broken.setattr(Path, "replace", failing(code))
-        elif step == "stat":
-            broken.setattr(Path, "stat", failing(code))
-        else:
-            broken.setattr(os, step, failing(code))
+        broken.setattr(Path if step in {"replace", "stat"} else os, step, failing(code))
         before = file.read_bytes()
         with pytest.raises(StoreError) as caught:
             save(file, {KP: 0.5}, {KP: 0.5})
@@ -250,18 +245,13 @@ def test_the_disk_is_told_in_the_right_order(file, monkeypatch):
     assert said == ["write file", "fsync file", "replace file", "fsync directory"]
 
 
-STEPS = ["open", "fchmod", "write", "fsync", "close", "replace"]
-
-
-@pytest.mark.parametrize("step", STEPS)
+@pytest.mark.parametrize("step", ["open", "fchmod", "write", "fsync", "close", "replace"])
 @pytest.mark.parametrize("after", [False, True], ids=["before", "after"])
 def test_a_process_killed_at_any_step_leaves_the_old_or_the_new_file(file, step, after):
     old = file.read_bytes()
     new = merged(old.decode(), {KP: 0.5}, file).encode()
-    assert (
-        os.waitstatus_to_exitcode(in_child(lambda: die_at(step, after=after, then=lambda: save(file, {KP: 0.5}, {}))))
-        == -9
-    )
+    ended = in_child(lambda: die_at(step, after=after, then=lambda: save(file, {KP: 0.5}, {})))
+    assert os.waitstatus_to_exitcode(ended) == -signal.SIGKILL
     assert file.read_bytes() == (new if (step, after) == ("replace", True) else old)
     save(file, {KP: 0.6}, {KP: 0.6})  # and nothing that was left behind is in the way
     assert is_alone(file)
@@ -276,7 +266,7 @@ def test_a_process_killed_at_random_moments_leaves_the_old_or_the_new_file(file)
     takes_s = (time.monotonic() - began_s) / 2
     seen = {one: 0, other: 0}
     chance = random.Random(1)
-    for _ in range(100):
+    for _ in range(40):
         kps = (0.5, 13.5) if file.read_bytes() == one else (13.5, 0.5)
         begun, begins = os.pipe()
         child = os.fork()
@@ -294,7 +284,7 @@ def test_a_process_killed_at_random_moments_leaves_the_old_or_the_new_file(file)
         os.kill(child, signal.SIGKILL)
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
         seen[file.read_bytes()] += 1
-    assert min(seen.values()) > 5, "both were met, and nothing else, which would be a KeyError"
+    assert min(seen.values()) > 3, "both were met, and nothing else, which would be a KeyError"
 
 
 def in_child(work):

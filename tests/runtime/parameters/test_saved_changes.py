@@ -37,9 +37,8 @@ def test_differences_go_into_a_file_of_their_own_and_the_one_below_is_untouched(
     assert sorted(lines) == ["kp = 10.0", 'method = "report" # saved while the car ran', "speed_mps = 1.5"]
     assert load_settings(base, saved=own) == settings
     save(own, {KP: 13.5, "wall_follow.speed_mps": 1.0}, {KP: 13.5, "wall_follow.speed_mps": 1.0}, base)
-    assert [line for line in own.read_text().splitlines() if "=" in line] == [
-        'method = "report" # saved while the car ran'
-    ]
+    lines = [line for line in own.read_text().splitlines() if "=" in line]
+    assert lines == ['method = "report" # saved while the car ran']
 
 
 def test_a_value_of_the_file_below_is_saved_when_it_is_the_default_again(tmp_path):

@@ -6,6 +6,7 @@ import itertools
 import json
 import math
 import random
+import re
 import time
 
 import pytest
@@ -20,6 +21,13 @@ from wallride.runtime.parameters.update import UnacceptableError
 from wallride.runtime.settings.tree import Settings, load_settings
 
 KP = "wall_follow.kp"
+
+
+@pytest.fixture
+def file(tmp_path):
+    """A settings file with nothing in it."""
+    (tmp_path / "car.toml").touch()
+    return tmp_path / "car.toml"
 
 
 class Room:
@@ -81,13 +89,10 @@ def test_the_list_tells_everything_about_each_setting():
         (KP, math.nan, "wall_follow.kp: must be a number from 0 to 20 rad/m"),
         (KP, -math.inf, "wall_follow.kp: must be a number from 0 to 20 rad/m"),
         ("wall_follow.side", None, "wall_follow.side: must be 'left' or 'right'"),
-        (
-            "wall_follow.kq",
-            math.nan,
-            "wall_follow.kq: must be true, false, a finite number, a text, or a list of texts",
-        ),
+        ("wall_follow.kq", math.nan,
+         "wall_follow.kq: must be true, false, a finite number, a text, or a list of texts"),
     ],
-)
+)  # fmt: skip
 def test_what_is_no_value_is_refused_with_what_the_setting_takes(name, value, words):
     assert Room().refusal(**{name: value}) == words
 
@@ -115,20 +120,18 @@ def test_one_wrong_value_refuses_all_of_them():
     assert room.get(KP) == {KP: 13.5}
 
 
-@pytest.mark.parametrize("name", ["recording__after_s", "parameters__history"])
-def test_what_takes_effect_at_the_start_is_refused_with_the_way_to_do_it(name):
-    words = Room().refusal(**{name: 21})
-    assert "takes effect after a restart; save it and restart" in words
-    assert f"wallride param save {name.replace('__', '.')}=" in words
-
-
-@pytest.mark.parametrize("name", ["motor__brake_current_a", "lidar__silent_after_s", "mux__tick_hz"])
-def test_what_only_the_file_on_the_car_sets_is_refused_with_the_way_to_do_it(name):
-    assert "edit the file on the car" in Room().refusal(**{name: 21.0 if name == "mux__tick_hz" else 1.5})
-
-
-def test_the_mode_of_the_permit_cannot_be_changed_from_afar():
-    assert "after a restart" in Room().refusal(operator__permit="always")
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        *((name, 21, f"takes effect after a restart; save it and restart.*wallride param save {name}=")
+          for name in ("recording.after_s", "parameters.history")),
+        *((name, 21.0 if name == "mux.tick_hz" else 1.5, "edit the file on the car")
+          for name in ("motor.brake_current_a", "lidar.silent_after_s", "mux.tick_hz")),
+        ("operator.permit", "always", "after a restart"),
+    ],
+)  # fmt: skip
+def test_what_takes_effect_at_the_start_is_refused_with_the_way_to_do_it(name, value, words):
+    assert re.search(words, Room().refusal(**{name: value}))
 
 
 @pytest.mark.parametrize("name", ["wall_follow__method", "safety__method"])
@@ -172,8 +175,7 @@ def test_without_a_file_nothing_can_be_saved():
         Room().save()
 
 
-def test_what_was_set_is_saved_and_nothing_else(tmp_path):
-    file = tmp_path / "car.toml"
+def test_what_was_set_is_saved_and_nothing_else(file):
     file.write_text("# mine\n[wall_follow]\nkp = 0.4  # by hand\n")
     room = Room(file, wall_follow={"kp": 0.4, "side": "right"})
     assert room.save()["saved"] == []
@@ -184,8 +186,7 @@ def test_what_was_set_is_saved_and_nothing_else(tmp_path):
     assert room.set(wall_follow__kd=1.0)["unsaved"] == ["wall_follow.kd"]
 
 
-def test_what_takes_effect_after_a_restart_can_be_saved(tmp_path):
-    file = tmp_path / "car.toml"
+def test_what_takes_effect_after_a_restart_can_be_saved(file):
     file.write_text("[car]\nname = 'bob'\n")
     room = Room(file, car={"name": "bob"})
     said = room.save(parameters__history=32)
@@ -224,9 +225,7 @@ AFAR = {
 
 
 @pytest.mark.parametrize("name", AFAR)
-async def test_what_describes_the_car_and_who_may_drive_it_is_never_saved_from_afar(tmp_path, name):
-    file = tmp_path / "car.toml"
-    file.write_text("")
+async def test_what_describes_the_car_and_who_may_drive_it_is_never_saved_from_afar(file, name):
     room = Room(file)
     payload = json.dumps({"values": {"parameters.history": 32, name: AFAR[name]}}).encode()
     with pytest.raises(UnacceptableError, match=f"^{name} .* is not saved from afar: edit .*car.toml on the car"):
@@ -245,8 +244,7 @@ def test_every_setting_that_a_person_saves_from_afar_is_listed_here():
     }  # fmt: skip
 
 
-def test_a_new_method_is_saved_with_all_that_belongs_to_it(tmp_path):
-    file = tmp_path / "car.toml"
+def test_a_new_method_is_saved_with_all_that_belongs_to_it(file):
     file.write_text("[wall_follow]\nkp = 0.3\nlook_ahead_m = 0.5\n\n[safety.recovery]\ntries = 2\n")
     room = Room(file, wall_follow={"kp": 0.3, "look_ahead_m": 0.5}, safety={"recovery": {"tries": 2}})
     room.standing = True
@@ -256,8 +254,7 @@ def test_a_new_method_is_saved_with_all_that_belongs_to_it(tmp_path):
     assert (saved.wall_follow, saved.safety) == (room.desk.settings.wall_follow, room.desk.settings.safety)
 
 
-def test_a_file_that_names_another_law_than_the_one_that_was_tuned_is_left_alone(tmp_path):
-    file = tmp_path / "car.toml"
+def test_a_file_that_names_another_law_than_the_one_that_was_tuned_is_left_alone(file):
     file.write_text("[wall_follow]\nmethod = 'report'\n")
     room = Room(file)
     room.set(wall_follow__kp=0.5)
@@ -266,9 +263,7 @@ def test_a_file_that_names_another_law_than_the_one_that_was_tuned_is_left_alone
     assert file.read_text() == "[wall_follow]\nmethod = 'report'\n"
 
 
-async def test_one_save_at_a_time(tmp_path):
-    file = tmp_path / "car.toml"
-    file.write_text("")
+async def test_one_save_at_a_time(file):
     room = Room(file)
     room.set(wall_follow__kp=0.5)
     first, second = await asyncio.gather(room.desk.save(b""), room.desk.save(b""), return_exceptions=True)
@@ -277,9 +272,7 @@ async def test_one_save_at_a_time(tmp_path):
     assert "under way" in str(second)
 
 
-async def test_what_is_set_during_a_save_is_not_taken_for_saved(tmp_path):
-    file = tmp_path / "car.toml"
-    file.write_text("")
+async def test_what_is_set_during_a_save_is_not_taken_for_saved(file):
     room = Room(file)
     room.set(wall_follow__kp=0.5)
     saving = asyncio.create_task(room.desk.save(b""))
@@ -300,8 +293,7 @@ def test_who_it_was_is_printable_and_short():
 
 def test_the_list_is_made_anew_only_when_a_value_changed(monkeypatch):
     room = Room()
-    described = []
-    describe = Parameter.describe
+    described, describe = [], Parameter.describe
 
     def counted(one, now):
         described.append(one.name)
@@ -346,16 +338,14 @@ def malformed(chance):
 @functools.cache
 def many_malformed():
     chance = random.Random(4)
-    return [malformed(chance) for _ in range(25_000)]
+    return [malformed(chance) for _ in range(4_000)]
 
 
-def refused_wish(chance):
-    """Return a well-formed wish that nobody may have."""
-    name = chance.choice(
-        [KP, "safety.grip_mu", "car.name", "wall_follow.side", "nothing", "a.b.c", "", "mux.order", "."]
-    )
-    value = chance.choice([99, -1, True, "", "\ud800", 1e308, 10**300, [], ["a"], -0.5, "NaN", "x" * 256])
-    return json.dumps({"values": {name: value}}).encode()
+NO_WISHES = itertools.product(
+    [KP, "safety.grip_mu", "car.name", "wall_follow.side", "nothing", "a.b.c", "", "mux.order", "."],
+    [99, -1, True, "", "\ud800", 1e308, 10**300, [], ["a"], -0.5, "NaN", "x" * 256],
+)
+"""Well-formed, and nobody may have them."""
 
 
 @pytest.mark.parametrize("what", ["list_all", "get_some", "set_some", "save", "configure", "past"])
@@ -363,7 +353,7 @@ def test_thousands_of_malformed_questions_are_counted_and_refused(what):
     room = Room()
     ask = getattr(room.desk, what)
     longest_s = 0.0
-    for payload in itertools.islice(itertools.cycle(many_malformed()), 4_000):
+    for payload in many_malformed():
         began_s = time.thread_time()
         try:
             answer = ask(payload)
@@ -379,12 +369,11 @@ def test_thousands_of_malformed_questions_are_counted_and_refused(what):
     promise("the slowest request, processor time", longest_s, 0.05)
 
 
-def test_two_thousand_wishes_that_cannot_be_granted_change_nothing():
-    chance = random.Random(5)
+def test_wishes_that_cannot_be_granted_change_nothing():
     room = Room()
-    for _ in range(2_000):
+    for name, value in NO_WISHES:
         with pytest.raises(UnacceptableError) as caught:
-            room.desk.set_some(refused_wish(chance))
+            room.desk.set_some(json.dumps({"values": {name: value}}).encode())
         str(caught.value).encode()
         assert len(str(caught.value)) <= MAX_REFUSAL
     assert (room.applied, room.history()) == ([], [])

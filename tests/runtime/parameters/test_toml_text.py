@@ -113,13 +113,10 @@ def test_random_files_take_random_changes_and_nothing_else_changes():
         ("car = { }\n", "car.name", "car.name = 1\n"),
         ("car.name = 'a'", "car.wheelbase_m", "car.name = 'a'\ncar.wheelbase_m = 1\n"),
         ("", "safety.recovery.tries", "[safety.recovery]\ntries = 1\n"),
-        (
-            "[safety]\nrecovery.tries = 2\n",
-            "safety.recovery.back_m",
-            "[safety]\nrecovery.tries = 2\nrecovery.back_m = 1\n",
-        ),
+        ("[safety]\nrecovery.tries = 2\n", "safety.recovery.back_m",
+         "[safety]\nrecovery.tries = 2\nrecovery.back_m = 1\n"),
     ],
-)
+)  # fmt: skip
 def test_a_value_is_put_where_its_section_is(text, path, after):
     assert set_value(text, tuple(path.split(".")), 1) == after
 

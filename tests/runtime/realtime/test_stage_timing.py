@@ -6,14 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.runtime.observed import HandClock
 from wallride.runtime.realtime.stage_timing import MAX_UNCOUNTED, SUMMED_EVERY_S, Histogram, StageTimer
-
-
-class HandClock:
-    now_s = 100.0
-
-    def __call__(self):
-        return self.now_s
 
 
 @given(st.lists(st.floats(0, 100), min_size=1, max_size=50), st.sampled_from([0.0, 0.5, 0.99, 0.999, 1.0]))
