@@ -28,6 +28,14 @@ LIMITS = Limits(5.0, 1.0, 0.35, 6.0, 20.0)
 RANGES_M = ranges_between_walls(0.9, 1.1)
 
 
+async def driven(folder, seconds, **how):
+    """Return a permitted drive that has gone for so long."""
+    drive = Drive(folder, **how)
+    drive.permit()
+    await drive.go(seconds)
+    return drive
+
+
 class Drive:
     """A car on a desk. `go` lets time pass, and gives the recorder its turn ten times a second.
 

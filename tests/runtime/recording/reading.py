@@ -30,6 +30,11 @@ def streamed(content):
     return found
 
 
+def scans_in(content):
+    """Return the numbers of the recorded scans."""
+    return [message.sequence for topic, message in streamed(content) if topic == f"/{topics.SCAN}"]
+
+
 def metadata(content):
     """Return what the file says about itself."""
     for record in StreamReader(BytesIO(content)).records:

@@ -57,6 +57,12 @@ def play(*entries):
     return decode(encode(list(entries)))
 
 
+def only_event_of(decision_log, kind):
+    (event,) = play(*decision_log.drain())
+    assert isinstance(event, kind)
+    return event
+
+
 def make_scan(numbers, sequence):
     return Scan(*numbers, ranges_m=RANGES_M, sequence=sequence)
 
@@ -66,8 +72,7 @@ def test_every_float_survives_bit_for_bit(numbers):
     decision_log = DecisionLog(HandClock())
     decision_log.begin()
     decision_log.add_safety(make_scan(numbers[:6], 7), motor_state(*numbers))
-    (event,) = play(*decision_log.drain())
-    assert isinstance(event, SafetyEvent)
+    event = only_event_of(decision_log, SafetyEvent)
     assert event.motor is not None
     read = [getattr(event.motor, field.name) for field in fields(MotorState)][:8]
     assert all(map(same, read, numbers))
@@ -79,8 +84,7 @@ def test_every_float_survives_bit_for_bit(numbers):
 def test_a_scan_comes_back_as_it_was_given_its_ranges(numbers, sequence):
     decision_log = DecisionLog(HandClock())
     decision_log.add_scan(make_scan(numbers, sequence))
-    (event,) = play(*decision_log.drain())
-    assert isinstance(event, ScanEvent)
+    event = only_event_of(decision_log, ScanEvent)
     assert event.beams == 3
     again = event.scan(RANGES_M)
     assert again.sequence == sequence
@@ -91,9 +95,7 @@ def test_a_scan_comes_back_as_it_was_given_its_ranges(numbers, sequence):
 def test_the_motion_that_a_driver_took_out_of_a_scan_comes_back(numbers):
     decision_log = DecisionLog(HandClock())
     decision_log.add_scan(replace(make_scan([1.0] * 6, 3), correction=Correction(*numbers)))
-    (event,) = play(*decision_log.drain())
-    assert isinstance(event, ScanEvent)
-    found = event.scan(RANGES_M).correction
+    found = only_event_of(decision_log, ScanEvent).scan(RANGES_M).correction
     assert found is not None
     assert all(map(same, [getattr(found, field.name) for field in fields(Correction)], numbers))
 
@@ -105,8 +107,7 @@ def test_numbers_of_numpy_are_numbers():
     guidance = Guidance(Drive(narrow(0.5), np.float64(0.1)), np.float64(math.inf), narrow(math.nan), 0.0, "wall")
     sequence: Any = np.int64(3)
     decision_log.add_follower(make_scan([1.0] * 6, sequence), None, guidance)
-    (event,) = play(*decision_log.drain())
-    assert isinstance(event, FollowerEvent)
+    event = only_event_of(decision_log, FollowerEvent)
     assert event.guidance.drive == Drive(0.5, 0.1)
     assert event.guidance.distance_m == math.inf
     assert math.isnan(event.guidance.error_m)
@@ -178,9 +179,7 @@ def test_settings_come_back_equal():
     decision_log = DecisionLog(HandClock())
     settings = Settings.model_validate({"wall_follow": {"speed_mps": 1.2345678901234567}})
     decision_log.add_settings(settings)
-    (event,) = play(*decision_log.drain())
-    assert isinstance(event, SettingsEvent)
-    assert Settings.model_validate(event.settings) == settings
+    assert Settings.model_validate(only_event_of(decision_log, SettingsEvent).settings) == settings
 
 
 def test_what_nobody_drained_is_lost_from_its_oldest_end_and_the_numbers_show_it():

@@ -24,7 +24,8 @@ from wallride.runtime.settings.tree import Settings, load_settings
 from wallride.runtime.wire import topics
 from wallride.sim.virtual.devices import ranges_between_walls
 
-Drive = partial(drives.Drive, period_s=2 * drives.PERIOD_S)
+Drive = partial(drives.Drive, period_s=4 * drives.PERIOD_S)
+driven = partial(drives.driven, period_s=4 * drives.PERIOD_S)
 """When it records is no matter of how many scans there are."""
 WALL_AHEAD_M = ranges_between_walls(0.9, 1.1, 0.28)
 
@@ -67,10 +68,8 @@ async def test_it_records_from_arming_until_ten_seconds_after_and_keeps_the_time
 
 
 async def test_the_next_drive_has_a_file_of_its_own_with_settings_in_force(tmp_path):
-    drive = Drive(tmp_path, black_box_s=2)
     changed = Settings.model_validate({"wall_follow": {"speed_mps": 0.7}})
-    drive.permit()
-    await drive.go(1)
+    drive = await driven(tmp_path, 1, black_box_s=2)
     drive.decision_log.add_settings(changed)
     drive.permit(False)
     await drive.go(15)
@@ -87,9 +86,7 @@ async def test_the_next_drive_has_a_file_of_its_own_with_settings_in_force(tmp_p
 
 
 async def test_everything_that_telemetry_says_is_in_it_for_every_reader(tmp_path):
-    drive = Drive(tmp_path, start="always")
-    drive.permit()
-    await drive.go(2)
+    drive = await driven(tmp_path, 2, start="always")
     drive.recorder.finish()
     (path,) = recordings(tmp_path)
     decoded = decoded_by_ros2_support(path)
@@ -152,9 +149,7 @@ async def test_somebody_may_begin_and_end_a_recording_by_hand(tmp_path):
 
 
 async def test_a_stop_leaves_a_black_box_also_when_nothing_is_recorded(tmp_path):
-    drive = Drive(tmp_path, start="request", black_box_s=10)
-    drive.permit()
-    await drive.go(12)
+    drive = await driven(tmp_path, 12, start="request", black_box_s=10)
     assert files(tmp_path) == []
     await drive.go(0.5, ranges_m=WALL_AHEAD_M)
     (box,) = boxes(tmp_path)
@@ -172,9 +167,7 @@ async def test_a_stop_leaves_a_black_box_also_when_nothing_is_recorded(tmp_path)
 
 
 async def test_an_emergency_stop_leaves_a_black_box_and_a_second_one_soon_after_goes_into_it(tmp_path):
-    drive = Drive(tmp_path)
-    drive.permit()
-    await drive.go(2)
+    drive = await driven(tmp_path, 2)
     drive.put(refusal(Source.ESTOP, "e-stop by ann"))
     await drive.go(1)
     drive.queue.withdraw(Source.ESTOP)
@@ -191,9 +184,7 @@ async def test_an_emergency_stop_leaves_a_black_box_and_a_second_one_soon_after_
 
 
 async def test_letting_go_is_no_event_but_a_lost_motor_is(tmp_path):
-    drive = Drive(tmp_path)
-    drive.permit()
-    await drive.go(2)
+    drive = await driven(tmp_path, 2)
     drive.permit(False)
     await drive.go(2)
     assert boxes(tmp_path) == []
@@ -206,9 +197,7 @@ async def test_letting_go_is_no_event_but_a_lost_motor_is(tmp_path):
 
 
 async def test_a_lost_lidar_is_an_event(tmp_path):
-    drive = Drive(tmp_path)
-    drive.permit()
-    await drive.go(2)
+    drive = await driven(tmp_path, 2)
     await drive.go(1, speak=False)
     (box,) = boxes(tmp_path)
     assert "stop-no-word-from-navigation" in box.name

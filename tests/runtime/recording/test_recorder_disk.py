@@ -11,21 +11,22 @@ import pytest
 
 from tests.promises import promise
 from tests.runtime.recording.disks import BadDisk, SlowDisk, StuckDisk
-from tests.runtime.recording.drives import Drive
-from tests.runtime.recording.reading import events, metadata, streamed
+from tests.runtime.recording.drives import PERIOD_S, Drive, driven
+from tests.runtime.recording.reading import events, metadata, scans_in
 from tests.runtime.recording.recorded import files, number_of, recordings
 from wallride.runtime.arbitration.command import Source, refusal
 from wallride.runtime.recording.recover import is_whole
 from wallride.runtime.recording.ring import entries
 from wallride.runtime.recording.writer import HOLD_S
 
+SELDOM_S = 4 * PERIOD_S
+"""From scan to scan, where it is no matter of how many there are."""
+
 
 async def test_a_long_recording_goes_on_in_another_file_and_the_ring_lets_its_beginning_go(tmp_path, monkeypatch):
     monkeypatch.setattr("wallride.runtime.recording.ring.MB", 100_000)
     monkeypatch.setattr("wallride.runtime.recording.writer.MB", 100_000)
-    drive = Drive(tmp_path, ring_mb=32, file_mb=8, start="always")
-    drive.permit()
-    await drive.go(24)
+    drive = await driven(tmp_path, 24, ring_mb=32, file_mb=8, start="always")
     drive.recorder.finish()
     total_mb = sum(path.stat().st_size for path in files(tmp_path)) / 1e6
     assert 2 < total_mb < 3.2 + 5 * 0.4  # the ring is looked after every few seconds
@@ -37,23 +38,20 @@ async def test_a_long_recording_goes_on_in_another_file_and_the_ring_lets_its_be
         assert metadata(later.read_bytes())["continues"] == earlier.name
     taped = [event.number for path in left for event in events(path.read_bytes()) if not hasattr(event, "settings")]
     assert all(later - earlier == 1 for earlier, later in itertools.pairwise(taped)), "a split loses nothing"
-    sequences = [message.sequence for path in left for name, message in streamed(path.read_bytes()) if name == "/scan"]
+    sequences = [number for path in left for number in scans_in(path.read_bytes())]
     assert sequences == list(range(sequences[0], len(drive.scans)))
 
 
 @pytest.mark.parametrize(
-    ("number", "words"),
-    [(errno.ENOSPC, "the disk is full"), (errno.EROFS, "read-only"), (errno.EIO, "fails to write")],
+    ("number", "words"), [(errno.ENOSPC, "the disk is full"), (errno.EROFS, "read-only"), (errno.EIO, "fails to write")]
 )
 async def test_a_disk_that_refuses_is_said_and_recording_goes_on_where_it_ended(tmp_path, number, words):
     disk = BadDisk()
-    drive = Drive(tmp_path, disk=disk, start="always")
-    drive.permit()
-    await drive.go(3)
+    drive = await driven(tmp_path, 3, disk=disk, start="always", period_s=SELDOM_S)
     disk.failing = disk.failing_creates = number
     sent = len(drive.motor.wire)
     await drive.go(12)
-    assert len(drive.motor.wire) - sent == pytest.approx(12 * 40, abs=2), "the car drove on"
+    assert len(drive.motor.wire) - sent == pytest.approx(12 / SELDOM_S, abs=2), "the car drove on"
     assert words in drive.recorder.status()["words"]
     assert drive.recorder.status()["words"].startswith("NOT recording")
     assert drive.recorder.status()["on"] is False
@@ -69,11 +67,8 @@ async def test_a_disk_that_refuses_is_said_and_recording_goes_on_where_it_ended(
 
 async def test_a_disk_that_is_full_after_so_many_bytes_leaves_readable_files(tmp_path):
     disk = BadDisk()
-    disk.takes_bytes = 700_001
-    disk.short = True
-    drive = Drive(tmp_path, disk=disk, start="always")
-    drive.permit()
-    await drive.go(8)
+    disk.takes_bytes, disk.short = 700_001, True
+    drive = await driven(tmp_path, 8, disk=disk, start="always")
     assert "the disk is full" in drive.recorder.status()["words"]
     (path,) = recordings(tmp_path)
     assert path.stat().st_size > 650_000
@@ -86,9 +81,7 @@ async def test_a_disk_that_is_full_after_so_many_bytes_leaves_readable_files(tmp
 async def test_others_keep_their_share_of_the_disk(tmp_path):
     disk = BadDisk()
     disk.free = 100_000_000
-    drive = Drive(tmp_path, disk=disk, start="always", keep_free_mb=512)
-    drive.permit()
-    await drive.go(1)
+    drive = await driven(tmp_path, 1, disk=disk, start="always", keep_free_mb=512, period_s=SELDOM_S)
     assert files(tmp_path) == []
     assert drive.recorder.status()["words"] == "NOT recording: less than 512 MB of the disk are free; trying again"
     disk.free = 10**12
@@ -101,9 +94,7 @@ async def test_others_keep_their_share_of_the_disk(tmp_path):
 
 
 async def test_what_was_torn_is_finished_at_the_next_start(tmp_path):
-    drive = Drive(tmp_path, start="always")
-    drive.permit()
-    await drive.go(3)
+    drive = await driven(tmp_path, 3, start="always")
     (path,) = recordings(tmp_path)
     torn = path.read_bytes()
     drive.recorder.finish()
@@ -175,7 +166,7 @@ async def test_a_disk_of_one_megabyte_a_second_is_fast_enough(tmp_path):
     (path,) = recordings(tmp_path)
     assert path.stat().st_size < 4e6 / 2, "what is recorded in a second is half of what the disk takes"
     assert drive.recorder.status()["lost"] == 0
-    assert [m.sequence for topic, m in streamed(path.read_bytes()) if topic == "/scan"] == list(range(160))
+    assert scans_in(path.read_bytes()) == list(range(160))
     promise("160 scans with a slow disk", took_s, 3.0)
 
 
@@ -209,9 +200,7 @@ async def test_a_bug_in_the_thread_is_said_and_the_next_turn_tries_again(tmp_pat
 
 @pytest.mark.parametrize("harm", [Path.unlink, lambda path: os.truncate(path, 1000)])
 async def test_an_open_recording_and_black_box_that_another_program_takes_begin_anew(tmp_path, caplog, harm):
-    drive = Drive(tmp_path, start="always")
-    drive.permit()
-    await drive.go(2)
+    drive = await driven(tmp_path, 2, start="always")
     drive.put(refusal(Source.ESTOP, "e-stop by ann"))
     await drive.go(1)
     lost = files(tmp_path)
@@ -227,14 +216,11 @@ async def test_an_open_recording_and_black_box_that_another_program_takes_begin_
     assert is_whole(box)
     assert "-stop-e-stop-by-ann" in box.name
     assert metadata(run.read_bytes())["continues"] == ""
-    sequences = [message.sequence for topic, message in streamed(run.read_bytes()) if topic == "/scan"]
-    assert sequences == list(range(len(drive.scans))), "what was remembered is in the new file"
+    assert scans_in(run.read_bytes()) == list(range(len(drive.scans))), "what was remembered is in the new file"
 
 
 async def test_starts_and_stops_in_quick_turn_go_into_one_file_and_nothing_is_written_twice(tmp_path):
-    drive = Drive(tmp_path, start="request")
-    drive.permit()
-    await drive.go(8)
+    drive = await driven(tmp_path, 8, start="request", period_s=2 * PERIOD_S)
     for turn in range(20):
         drive.recorder.request(on=turn % 2 == 0)
         await drive.go(0.1)
@@ -243,7 +229,7 @@ async def test_starts_and_stops_in_quick_turn_go_into_one_file_and_nothing_is_wr
     first, second = recordings(tmp_path)
     assert is_whole(second)
     assert metadata(second.read_bytes())["continues"] == first.name
-    scans = [[m.sequence for topic, m in streamed(path.read_bytes()) if topic == "/scan"] for path in (first, second)]
+    scans = [scans_in(path.read_bytes()) for path in (first, second)]
     assert sorted({*scans[0], *scans[1]}) == sorted([*scans[0], *scans[1]])
     assert [*scans[0], *scans[1]] == list(range(scans[1][-1] + 1)), "none is missing, either"
     assert len(drive.scans) - scans[1][-1] > 10, "after the last stop it does not go on"

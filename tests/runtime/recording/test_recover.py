@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 
 from tests.runtime.recording.drives import PERIOD_S, Drive
-from tests.runtime.recording.reading import decoded_by_ros2_support, streamed
+from tests.runtime.recording.reading import decoded_by_ros2_support, scans_in, streamed
 from wallride.runtime.recording.recover import RecoveryError, file_state, is_whole, recover
 
 CUTS = 20
@@ -38,10 +38,6 @@ async def _record(folder):
     content = path.read_bytes()
     drive.recorder.finish()
     return content, lengths, path.read_bytes()
-
-
-def scans_in(content):
-    return [message.sequence for topic, message in streamed(content) if topic == "/scan"]
 
 
 def scans_due(content_length, lengths):

@@ -4,7 +4,7 @@ import math
 from itertools import pairwise
 from typing import Any
 
-from tests.runtime.recording.drives import LIMITS, Drive
+from tests.runtime.recording.drives import LIMITS, Drive, driven
 from tests.runtime.recording.reading import events, ranges_by_sequence
 from wallride.runtime.arbitration.command import DriveCommand, QueueEntry, Source, SpeedLimit, arbitrate
 from wallride.runtime.control.laws import LiveLaws
@@ -60,9 +60,7 @@ def replayed(content):
 
 
 async def test_a_recording_from_the_start_decides_the_same_to_the_last_bit(tmp_path):
-    drive = Drive(tmp_path, start="always")
-    drive.permit()
-    await drive.go(3)
+    drive = await driven(tmp_path, 3, start="always")
     await drive.go(1.5, ranges_m=ranges_between_walls(0.9, 1.1, 1.2))
     drive.recorder.close()
     drive.recorder.finish()

@@ -7,8 +7,9 @@ from contextlib import contextmanager
 
 import pytest
 
-from tests.runtime.recording.drives import Drive
-from tests.runtime.recording.reading import streamed
+from tests.runtime.recording.drives import driven
+from tests.runtime.recording.reading import scans_in
+from tests.runtime.recording.recorded import files
 from wallride.runtime.recording.recover import is_whole
 
 SIZE_MB = 6
@@ -28,15 +29,9 @@ def mounted(path):
         subprocess.run(["umount", str(path)], check=True)
 
 
-def files(folder):
-    return sorted(folder.glob("*.mcap"), key=lambda path: path.name.split("-")[2])
-
-
 async def test_a_disk_that_others_fill_is_said_and_recording_goes_on_when_they_clear_it(tmp_path):
     with mounted(tmp_path / "disk") as disk:
-        drive = Drive(disk / "recordings", start="always", black_box_s=20)
-        drive.permit()
-        await drive.go(3)
+        drive = await driven(disk / "recordings", 3, start="always", black_box_s=20)
         others = disk / "photos"
         with pytest.raises(OSError, match="No space left"):
             others.write_bytes(bytes(SIZE_MB << 20))
@@ -48,36 +43,26 @@ async def test_a_disk_that_others_fill_is_said_and_recording_goes_on_when_they_c
         await drive.go(6)
         assert drive.recorder.status()["words"] == "recording: always"
         drive.recorder.finish()
-        recorded = {
-            message.sequence
-            for path in files(disk / "recordings")
-            for topic, message in streamed(path.read_bytes())
-            if topic == "/scan"
-        }
+        recorded = {number for path in files(disk / "recordings") for number in scans_in(path.read_bytes())}
         assert recorded == set(range(len(drive.scans)))
 
 
 async def test_on_a_small_disk_the_oldest_makes_room(tmp_path, monkeypatch):
     monkeypatch.setattr("wallride.runtime.recording.writer.MB", 100_000)
     with mounted(tmp_path / "disk") as disk:
-        drive = Drive(disk, start="always", file_mb=8, keep_free_mb=2, black_box_s=2)
-        drive.permit()
-        await drive.go(25)
+        drive = await driven(disk, 25, start="always", file_mb=8, keep_free_mb=2, black_box_s=2)
         assert drive.recorder.status()["on"] is True
         drive.recorder.finish()
         kept = files(disk)
         assert "-00001." not in kept[0].name
         assert all(map(is_whole, kept))
-        newest = [message.sequence for topic, message in streamed(kept[-1].read_bytes()) if topic == "/scan"]
-        assert newest[-1] == len(drive.scans) - 1
+        assert scans_in(kept[-1].read_bytes())[-1] == len(drive.scans) - 1
 
 
 async def test_a_read_only_disk_is_said(tmp_path):
     with mounted(tmp_path / "disk") as disk:
         subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
-        drive = Drive(disk / "recordings", start="always")
-        drive.permit()
-        await drive.go(2)
+        drive = await driven(disk / "recordings", 2, start="always")
         assert "read-only" in drive.recorder.status()["words"]
         subprocess.run(["mount", "-o", "remount,rw", str(disk)], check=True)
         await drive.go(6)
