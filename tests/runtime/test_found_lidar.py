@@ -72,11 +72,8 @@ def test_it_is_written_into_the_file_that_says_auto(car_toml, tmp_path):
 
 def test_what_cannot_be_written_is_said(car_toml, tmp_path):
     chosen = found(RplidarSettings(address="serial:///dev/ttyUSB0"))
-    for words in (
-        write_down(chosen, car_toml, None, ("lidar.driver=auto",), TODAY),
-        write_down(chosen, None, None, (), TODAY),
-        write_down(chosen, tmp_path / "gone" / "car.toml", None, (), TODAY),
-    ):
+    for file, given in ((car_toml, ("lidar.driver=auto",)), (None, ()), (tmp_path / "gone" / "car.toml", ())):
+        words = write_down(chosen, file, None, given, TODAY)
         assert "not written down" in words
         assert "lidar.address = 'serial:///dev/ttyUSB0'" in words
     assert car_toml.read_text() == FILE

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -59,18 +60,12 @@ def test_a_loop_that_breaks_is_followed_by_a_brake():
     assert motor.brakes >= 1
 
 
-@pytest.mark.parametrize("error", [launch.LaunchError, SystemExit, KeyboardInterrupt, MemoryError])
-def test_every_error_is_followed_by_a_brake(error):
+@pytest.mark.parametrize("error", [launch.LaunchError, SystemExit, KeyboardInterrupt, MemoryError, None])
+def test_every_error_and_a_good_end_are_followed_by_a_brake(error):
     motor = BrakedMotor()
-    with pytest.raises(error), launch.braking_last([motor]):
-        raise error
-    assert motor.brakes == 1
-
-
-def test_a_good_end_is_followed_by_a_brake_as_well():
-    motor = BrakedMotor()
-    with launch.braking_last([motor]):
-        pass
+    with pytest.raises(error) if error else nullcontext(), launch.braking_last([motor]):
+        if error:
+            raise error
     assert motor.brakes == 1
 
 

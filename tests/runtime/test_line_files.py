@@ -47,6 +47,17 @@ def test_speeds_that_no_motor_brakes_for_are_lowered_before_the_slow_place(tmp_p
     assert (line.speed_mps == drawn_mps)[(line.along_m > 5.8) | (line.along_m < 2.0)].all()
 
 
+@pytest.fixture
+def map_(tmp_path):
+    return write(tmp_path, box())
+
+
+@pytest.fixture
+def beside(map_):
+    """The line of the map."""
+    return map_.with_name(f"{map_.stem}.line.csv")
+
+
 def in_the_box(speed_mps=2.0, shift=0.0):
     """Return the text of a line in the room of `box`."""
     line = circle(0.6, speed_mps)
@@ -76,11 +87,10 @@ def test_a_file_that_is_no_line_is_refused_with_its_place(tmp_path, content, sai
         read_line(path)
 
 
-def test_the_line_beside_the_map_is_taken_and_another_by_its_name(tmp_path):
-    map_ = write(tmp_path, box())
+def test_the_line_beside_the_map_is_taken_and_another_by_its_name(tmp_path, map_, beside):
     assert read_course(PoseMapSettings(), CAR) is None
     assert read_course(PoseMapSettings(file=str(map_)), CAR).line is None
-    map_.with_name(f"{map_.stem}.line.csv").write_text(in_the_box(1.0))
+    beside.write_text(in_the_box(1.0))
     assert read_course(PoseMapSettings(file=str(map_)), CAR).line.speed_at(0.0) == 1.0
     other = tmp_path / "other.csv"
     other.write_text(in_the_box(3.0))
@@ -96,15 +106,13 @@ def test_the_line_beside_the_map_is_taken_and_another_by_its_name(tmp_path):
 
 
 @pytest.mark.parametrize("changed", [np.flipud, lambda shades: shades[:, :-1]])
-def test_the_line_of_another_map_is_refused_with_the_next_step(tmp_path, changed):
-    map_ = write(tmp_path, box())
-    line = map_.with_name(f"{map_.stem}.line.csv")
-    line.write_text(in_the_box().replace("# a line", f"# a line, map {fingerprint(map_)}"))
+def test_the_line_of_another_map_is_refused_with_the_next_step(tmp_path, map_, beside, changed):
+    beside.write_text(in_the_box().replace("# a line", f"# a line, map {fingerprint(map_)}"))
     assert read_course(PoseMapSettings(file=str(map_)), CAR).line is not None
     write(tmp_path, changed(box()))
-    with pytest.raises(MapError, match=f"the line of another map than .*: wallride line {map_} -o {line}"):
+    with pytest.raises(MapError, match=f"the line of another map than .*: wallride line {map_} -o {beside}"):
         read_course(PoseMapSettings(file=str(map_)), CAR)
-    assert read_line(line).length_m > 1.0, "without a map it is a line as any"
+    assert read_line(beside).length_m > 1.0, "without a map it is a line as any"
 
 
 @pytest.mark.parametrize(
@@ -114,10 +122,8 @@ def test_the_line_of_another_map_is_refused_with_the_next_step(tmp_path, changed
         ({"half_width_m": 0.3}, r"after s 0\.0 m it is 0\.20 m from a wall, and half of this car is 0\.30 m wide"),
     ],
 )
-def test_a_line_that_this_car_cannot_steer_or_is_too_wide_for_is_refused_with_the_next_step(tmp_path, car, said):
-    map_ = write(tmp_path, box())
+def test_a_line_that_this_car_cannot_steer_or_is_too_wide_for_is_refused_with_the_next_step(map_, beside, car, said):
     line = circle(0.6)
-    beside = map_.with_name(f"{map_.stem}.line.csv")
     beside.write_text(text(line, x=line.places_m.real + 1.0, y=line.places_m.imag - 0.5, away=0.0 * line.along_m + 0.2))
     assert read_course(PoseMapSettings(file=str(map_)), CAR).line is not None
     check_course(map_)  # a program beside the car does not know what it steers
@@ -126,19 +132,17 @@ def test_a_line_that_this_car_cannot_steer_or_is_too_wide_for_is_refused_with_th
 
 
 @pytest.mark.parametrize("shift", [0.9, -3.0, 1e9])
-def test_a_line_through_walls_or_beside_the_map_is_refused_with_its_place(tmp_path, shift):
-    map_ = write(tmp_path, box())
-    beside = map_.with_name(f"{map_.stem}.line.csv")
+def test_a_line_through_walls_or_beside_the_map_is_refused_with_its_place(map_, beside, shift):
     beside.write_text(in_the_box(shift=shift))
     with pytest.raises(MapError, match=r"m\.line\.csv: the line leads through what is not free, at x [-0-9]+\.\d m, y"):
         read_course(PoseMapSettings(file=str(map_)), CAR)
 
 
-def test_a_map_in_a_folder_of_another_user_is_told_where_it_is_read(tmp_path, monkeypatch):
+def test_a_map_in_a_folder_of_another_user_is_told_where_it_is_read(map_, monkeypatch):
     def closed(self, **_):
         raise PermissionError(errno.EACCES, "Permission denied", str(self))
 
-    follow, map_ = Settings.model_validate({"wall_follow": {"method": "line"}}).wall_follow, write(tmp_path, box())
+    follow = Settings.model_validate({"wall_follow": {"method": "line"}}).wall_follow
     assert "beside the map; make it" in why_no_line(follow, PoseMapSettings(file=str(map_)))
     monkeypatch.setattr(Path, "stat", closed)
     assert why_no_line(follow, PoseMapSettings(file=str(map_))) == ""

@@ -98,9 +98,9 @@ def test_scans_out_of_order_are_a_stop(rig):
 def test_a_message_that_cannot_be_trusted_is_a_stop(rig, message):
     rig.drive()
     rig.now_s += STEP_S
-    payload, note = rig.make(beams=1001) if message == "geometry" else rig.make()
-    if message == "future":
-        payload, note = rig.make(clock_s=0.05)
+    payload, note = rig.make(
+        beams=1001 if message == "geometry" else 1081, clock_s=0.05 if message == "future" else None
+    )
     rig.take((payload[:-9] if message == "damaged" else payload, None if message == "no attachment" else note))
     words = {
         "geometry": "changed its field", "damaged": "do not fit", "no attachment": "attachment of 0 bytes",

@@ -5,14 +5,13 @@ from itertools import pairwise
 
 import pytest
 
-from wallride.drivers.api import Health, LinkState, MotorState
+from tests.runtime.tasks.test_battery import FINE
+from wallride.drivers.api import Health, LinkState
 from wallride.runtime.arbitration.command import LAB_ORDER
 from wallride.runtime.arbitration.command_queue import CommandQueue
 from wallride.runtime.arbitration.emergency_stop import Cause, EmergencyStop
 from wallride.runtime.host.systemd import ServiceManager
 from wallride.runtime.tasks.health import FAULT_FORGOTTEN_S, FAULT_RETRY_S, MAX_FAULT_RETRY_S, HealthMonitor
-
-FINE = MotorState(0.0, 0.0, 0.0, 0.0, 12.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
 
 
 class Device:
@@ -48,16 +47,10 @@ class Ward:
         self.e_stop = EmergencyStop(CommandQueue(LAB_ORDER, lambda: self.now_s))
         self.rearmed = []
         self.health_monitor = HealthMonitor(
-            lidar=self.lidar,
-            motor=self.motor,
-            output=lambda: None,
-            emergency_stop=self.e_stop,
-            rearm=self.rearmed.append,
-            manager=ServiceManager({}),
-            clock=lambda: self.now_s,
-            retry_faults=retry_faults,
+            lidar=self.lidar, motor=self.motor, output=lambda: None, emergency_stop=self.e_stop,
+            rearm=self.rearmed.append, manager=ServiceManager({}), clock=lambda: self.now_s, retry_faults=retry_faults,
             **more,
-        )
+        )  # fmt: skip
         self.health_monitor.check()
 
     def look(self, seconds=0.05):

@@ -86,7 +86,7 @@ def test_laps_are_said_behind_the_place(room):
         "rms_m": 0.021,
         "p99_m": 0.06,
         "largest_m": 0.1,
-        "speed_share": 1.0,
+        "speed_share": 1,
     }
     one, _ = finder(room[1], race=lambda: race)
     for number in range(3):

@@ -29,8 +29,7 @@ async def test_a_pose_is_published_with_what_it_is_known_to():
     rig.telemetry.on_pose(placed(rig, 3.0, -1.0, 0.5, 0.0))
     rig.telemetry.on_pose(PoseEstimate(rig.clock.now_s, Whereabouts.LOST))
     rig.drive_once()
-    (payload,) = (await rig.written()).of(topics.POSE)
-    told = decoded(payload, topics.POSE)
+    told = await rig.told(topics.POSE)
     assert told.header.frame_id == "map"
     assert (told.pose.pose.position.x, told.pose.pose.position.y) == (3.0, -1.0)
     assert 2 * math.atan2(told.pose.pose.orientation.z, told.pose.pose.orientation.w) == pytest.approx(0.5)

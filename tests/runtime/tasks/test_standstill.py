@@ -19,15 +19,21 @@ from wallride.sim.world.worlds import load_world
 SETTINGS = ("wall_follow.speed_mps=2.35", "operator.permit=always", "battery.settle_s=0", "recording.enabled=false")
 
 
-async def locked_at_speed():
-    """Return (true speed, wheels' speed, whether it counts as standing) from an e-stop on a slippery floor on."""
+async def at_speed(grip_mu):
+    """Return a car's twin, motor, the car, its drive's task and what ends it, after 1.5 s in a corridor."""
     loop, stop = asyncio.get_running_loop(), asyncio.Event()
-    twin = TwinWorld(load_world("corridor"), loop.time, vehicle=VehicleSettings(grip_mu=0.25))
+    twin = TwinWorld(load_world("corridor"), loop.time, vehicle=VehicleSettings(grip_mu=grip_mu))
     motor = WorldMotor(twin, loop.time)
     settings = load_settings(None, SETTINGS)
     car = Car(settings, WorldLidar(twin, loop.time), motor, MemoryBus(loop.time, listened_to=False), loop.time)
     driving = loop.create_task(car.drive(stop))
     await asyncio.sleep(1.5)
+    return twin, motor, car, driving, stop
+
+
+async def locked_at_speed():
+    """Return (true speed, wheels' speed, whether it counts as standing) from an e-stop on a slippery floor on."""
+    twin, motor, car, driving, stop = await at_speed(0.25)
     car.emergency_stop.latch(Cause.OPERATOR, "test")
     found = []
     for _ in range(250):
@@ -61,13 +67,8 @@ def test_a_car_without_a_motor_report_does_not_stand():
 
 async def end_at_speed(grip_mu, lost_s=None):
     """Return (true speed, commands after it was asked to end) when a drive has ended from 2.35 m/s."""
-    loop, stop = asyncio.get_running_loop(), asyncio.Event()
-    twin = TwinWorld(load_world("corridor"), loop.time, vehicle=VehicleSettings(grip_mu=grip_mu))
-    motor = WorldMotor(twin, loop.time)
-    settings = load_settings(None, SETTINGS)
-    car = Car(settings, WorldLidar(twin, loop.time), motor, MemoryBus(loop.time, listened_to=False), loop.time)
-    driving = loop.create_task(car.drive(stop))
-    await asyncio.sleep(1.5)
+    loop = asyncio.get_running_loop()
+    twin, motor, _, driving, stop = await at_speed(grip_mu)
     assert twin.vehicle.speed_mps > 2.0
     if lost_s is not None:
         motor.pull()

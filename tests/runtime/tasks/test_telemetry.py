@@ -12,6 +12,7 @@ import pytest
 from tests.own_laws import EASY, law_file
 from tests.runtime.observed import GUIDANCE, HandClock, check_told, make_observed, output_of, scan_at, speak
 from tests.runtime.ros.samples import ros_store
+from tests.runtime.telemetry.test_sinks import Ear
 from wallride.drivers.api import Drive
 from wallride.runtime.arbitration.command import Source, Verdict
 from wallride.runtime.control.laws import LiveLaws
@@ -54,13 +55,9 @@ class Rig:
         self.clock = HandClock()
         self.observed = replace(make_observed(self.clock), **observed)
         self.sinks = sinks or (Keeper(),)
+        wall_clock = WallClock(lambda: 0.0, lambda: EPOCH_NS)
         self.telemetry = Telemetry(
-            self.observed,
-            CarSettings(),
-            self.sinks,
-            wall_clock=WallClock(lambda: 0.0, lambda: EPOCH_NS),
-            side=lambda: "left",
-            ball_m=lambda: None,
+            self.observed, CarSettings(), self.sinks, wall_clock=wall_clock, side=lambda: "left", ball_m=lambda: None
         )
 
     def drive_once(self, guidance=GUIDANCE, *, safety=None, **output):
@@ -81,6 +78,11 @@ class Rig:
         task.cancel()
         await asyncio.wait([task])
         return self.sinks[0]
+
+    async def told(self, topic):
+        """Return the one message that was written on a topic."""
+        (payload,) = (await self.written()).of(topic)
+        return decoded(payload, topic)
 
 
 def decoded(payload, topic):
@@ -108,8 +110,7 @@ async def test_the_footprint_has_the_view_of_perception_also_under_an_own_law(la
     laws = LiveLaws(settings.wall_follow, settings.safety, settings.car)
     rig = Rig(Keeper(topics.FOOTPRINT), view=lambda: laws.perception.newest_view)
     rig.drive_once(safety=lambda scan: laws.look(scan, rig.observed.motor.state))
-    (payload,) = (await rig.written()).of(topics.FOOTPRINT)
-    assert "ignored" in {marker.ns for marker in decoded(payload, topics.FOOTPRINT).markers}
+    assert "ignored" in {marker.ns for marker in (await rig.told(topics.FOOTPRINT)).markers}
 
 
 async def test_stamps_are_those_of_the_measurement_since_1970_with_exact_differences():
@@ -216,32 +217,20 @@ async def test_all_sinks_get_the_same_bytes_of_one_writing():
 
 
 async def test_every_change_of_mind_is_told_even_between_two_turns_and_beyond_the_rate():
-    class Ear:
-        def __init__(self):
-            self.heard = []
-
-        def put(self, key, payload, *, encoding):
-            self.heard.append((key, payload))
-
-        def wanted(self, key, *, encoding):
-            return key.endswith("/decision")
-
-    ear = Ear()
-    sink = ZenohSink(ear, "car1", RatesHz(decision=0.001))
-    rig = Rig(sink)
+    ear = Ear(topics.DECISION)
+    rig = Rig(ZenohSink(ear, "car1", RatesHz(decision=0.001)))
     reasons = ["wall", "wall ahead", "wall ahead", "wall", "boxed in"]
     for reason in reasons:
         rig.drive_once(reason=reason)
     await rig.written()
-    assert [json.loads(payload)["reason"] for _, payload in ear.heard] == ["wall", "wall ahead", "wall", "boxed in"]
+    assert [json.loads(payload)["reason"] for _, payload, _ in ear.heard] == ["wall", "wall ahead", "wall", "boxed in"]
 
 
 async def test_safety_says_what_it_allows_of_the_wish_and_nothing_when_nobody_drives():
     rig = Rig(Keeper(topics.SAFETY))
     speak(rig.observed, speed_mps=2.0, safety=Verdict(0.5, math.inf, "slower", 1.0))
     rig.telemetry.on_output(output_of(rig.observed, speed_mps=0.5, winner=Source.SAFETY, reason="slower", measure=1.0))
-    (payload,) = (await rig.written()).of(topics.SAFETY)
-    assert decoded(payload, topics.SAFETY).drive.speed == 0.5
+    assert (await rig.told(topics.SAFETY)).drive.speed == 0.5
     speak(rig.observed, speed_mps=-1.0, safety=Verdict(math.inf, math.inf, "clear"))
     rig.telemetry.on_output(output_of(rig.observed, speed_mps=-1.0))
     payload = (await rig.written()).of(topics.SAFETY)[-1]
@@ -263,8 +252,7 @@ async def test_what_an_operator_holds_is_published_as_a_pad():
     command = Command(1, 1, 1, 1, Press.MANUAL, Input.PAGE, speed_mps=2.0)
     rig = Rig(Keeper(topics.JOY), held=lambda: command)
     rig.drive_once()
-    (payload,) = (await rig.written()).of(topics.JOY)
-    pad = decoded(payload, topics.JOY)
+    pad = await rig.told(topics.JOY)
     assert (list(pad.axes), list(pad.buttons)) == ([0, 0.5, 1, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0])
 
 
@@ -297,8 +285,7 @@ async def test_an_inertial_measurement_goes_out_as_it_came():
     rig = Rig(Keeper(topics.IMU))
     rig.telemetry.on_imu(100.0, (0.0, 0.0, 0.5), (0.0, 0.0, 9.81))
     rig.drive_once()
-    (payload,) = (await rig.written()).of(topics.IMU)
-    assert decoded(payload, topics.IMU).angular_velocity.z == 0.5
+    assert (await rig.told(topics.IMU)).angular_velocity.z == 0.5
 
 
 async def test_a_lost_motor_has_no_odometry_and_the_rest_goes_on():
