@@ -48,6 +48,7 @@ WHOLE_DRIVES = (
     "runtime/control/corridor_following/", "runtime/control/line_following/", "runtime/control/recovery/",
     "runtime/control/safety/", "runtime/control/test_laws.py", "runtime/control/wall_following/",
     "runtime/control/perception/test_own_parts.py", "runtime/control/perception/test_plausibility.py",
+    "runtime/control/localization/test_localizer.py", "runtime/control/perception/test_motion_agreement.py",
 )  # fmt: skip
 """Among them, those that drive or roll out for long: in C, which tests/runtime/kernel holds to the same answers, and
 which gives way to an edited law."""

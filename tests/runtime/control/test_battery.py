@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from wallride.drivers.api import MotorState
 from wallride.runtime.control.battery import LASTS_S, LOADED_ABOVE_A, BatteryMonitor, BatterySettings, Charge
 
-REPORT = MotorState(0.0, 0.0, 0.0, 0.0, 12.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
+REPORT = MotorState(0.0, 0.0, 0.0, 0.0, 12.0, 0.0, 0.0)
 FREE = float("inf")
 PERIOD_S = 0.05
 
@@ -28,8 +28,7 @@ class Pack:
 
 
 @pytest.mark.parametrize(
-    ("voltage_v", "cells"),
-    [(7.0, 2), (8.4, 2), (9.6, 3), (11.1, 3), (12.6, 3), (14.0, 4), (16.8, 4), (25.2, 6)],
+    ("voltage_v", "cells"), [(7.0, 2), (8.4, 2), (9.6, 3), (11.1, 3), (12.6, 3), (14.0, 4), (16.8, 4), (25.2, 6)]
 )
 def test_the_cells_are_the_fewest_that_give_the_voltage(voltage_v, cells):
     assert Pack().shows(voltage_v, 0.1).cells == cells

@@ -5,21 +5,18 @@ import math
 import numpy as np
 import pytest
 
+from tests.runtime.control.scans import CAR, MIDDLE, SCAN_S, scan_of
 from tests.runtime.in_earnest import is_same, judged
-from wallride.drivers.api import MotorState, Scan
+from wallride.drivers.api import MotorState
 from wallride.runtime.control.laws import LiveLaws
-from wallride.runtime.control.limiter import Limiter, Limits
 from wallride.runtime.control.report.laws import ReportTurn
 from wallride.runtime.control.safety.swept import ON_LIDAR
-from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.virtual.closed_loop import Case, drive
-from wallride.sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
+from wallride.sim.virtual.devices import BEAMS, ranges_between_walls
 from wallride.sim.world.pose import Pose
 from wallride.sim.world.worlds import load_world
-
-CAR = CarSettings()
 
 
 class Drive:
@@ -43,10 +40,10 @@ class Drive:
 
     def scan(self):
         self.scans += 1
-        at_s = self.scans * 0.025
-        self.way_m += self.speed_mps * 0.025
-        motor = MotorState(at_s, self.speed_mps, self.way_m, 0.0, 11.8, 0.0, 0.0, 25.0, "", False, False)
-        scan = Scan(at_s, at_s + self.age_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, self.ranges_m, self.scans)
+        at_s = self.scans * SCAN_S
+        self.way_m += self.speed_mps * SCAN_S
+        motor = MotorState(at_s, self.speed_mps, self.way_m, 0.0)
+        scan = scan_of(self.ranges_m, at_s, self.scans, late_s=self.age_s)
         assessment = self.laws.look(scan, motor)
         return self.laws.follow(scan, motor), assessment
 
@@ -140,9 +137,9 @@ def test_another_method_is_a_new_law():
 def test_the_reports_law_is_under_the_limit_of_sensing():
     drive = Drive(wall_follow={"method": "report"}, safety={"method": "report"})
     assert judged(drive.scan()[1], 1.0, 0.0).forward_mps == math.inf
-    drive.ranges_m[BEAMS // 2 - 120 : BEAMS // 2 + 120] = 0.03
+    drive.ranges_m[MIDDLE - 120 : MIDDLE + 120] = 0.03
     assert is_same(judged(drive.scan()[1], 1.0, 0.0), ON_LIDAR)
-    drive.ranges_m[BEAMS // 2 - 120 : BEAMS // 2 + 120] = math.nan
+    drive.ranges_m[MIDDLE - 120 : MIDDLE + 120] = math.nan
     drive.scan()
     for _ in range(4):
         verdict = judged(drive.scan()[1], 1.0, 0.0)
@@ -217,15 +214,6 @@ def test_the_same_settings_again_change_nothing():
     before = drive.laws.guard.body
     drive.tune()
     assert drive.laws.guard.body is before
-
-
-def test_a_lower_top_speed_is_obeyed_at_once_and_a_higher_one_by_and_by():
-    limiter = Limiter(Limits(4.0, 1.0, 0.34, 3.2, 4.0))
-    assert limiter.limit(3.0, 0.0, 10.0).speed_mps == 3.0
-    limiter.tune(Limits(1.0, 1.0, 0.34, 3.2, 4.0))
-    assert limiter.limit(3.0, 0.0, 0.02).speed_mps == 1.0
-    limiter.tune(Limits(4.0, 1.0, 0.34, 3.2, 4.0))
-    assert limiter.limit(3.0, 0.0, 0.02).speed_mps == pytest.approx(1.08)
 
 
 def test_the_reports_laws_take_new_settings_and_have_nothing_to_learn():

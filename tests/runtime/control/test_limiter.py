@@ -32,10 +32,12 @@ def test_steering_is_clamped(wanted, allowed):
     assert Limiter(LIMITS).limit(0.0, wanted, LONG_S).steering_rad == allowed
 
 
-def test_other_limits_hold_from_the_next_drive_on():
+def test_a_lower_top_speed_is_obeyed_at_once_and_a_higher_one_by_and_by():
     limiter = moving(4.0)
     limiter.tune(replace(LIMITS, max_speed_mps=1.5))
     assert limiter.limit(4.0, 0.0, 0.0).speed_mps == 1.5
+    limiter.tune(LIMITS)
+    assert limiter.limit(3.0, 0.0, 0.02).speed_mps == pytest.approx(1.58)
 
 
 def test_speed_rises_slowly_and_falls_at_once():

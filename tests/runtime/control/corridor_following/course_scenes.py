@@ -50,9 +50,7 @@ def seen_in(world, pose=START, stamp_s=0.0, number=0, noise_m=0.0):
 
 
 def report(stamp_s, speed_mps=0.0, distance_m=0.0, steering_rad=0.0):
-    return MotorState(
-        stamp_s, speed_mps, distance_m, steering_rad, 11.8, 0.0, 0.0, 25.0, "", timed_out=False, killed=False
-    )
+    return MotorState(stamp_s, speed_mps, distance_m, steering_rad)
 
 
 def perception(car=CAR):

@@ -56,36 +56,31 @@ def test_a_promise_bends_no_more_than_the_grip_allows():
     assert bends_radpm[0] <= most_radpm < 0.8 * bends_radpm[1]
 
 
+def checked(made, scans, aside_m=0.0):
+    """Let the car be so far beside its line at these scans."""
+    for k in scans:
+        made.check(Return((0.1 * k) % 40.0, aside_m, 0.0, 1.0), 40.0, STEP_S)
+    return made.margin_m
+
+
 def test_a_promise_that_was_missed_widens_the_next_ones_for_a_while():
     made = Promises()
-    for k in range(100):
-        made.check(Return(0.1 * k, 0.0, 0.0, 1.0), 40.0, STEP_S)
-    assert made.margin_m < promising.FIRST_MARGIN_M
-    for k in range(100, 140):
-        made.check(Return((0.1 * k) % 40.0, 0.25 if k >= 120 else 0.0, 0.0, 1.0), 40.0, STEP_S)
-    assert made.margin_m == pytest.approx(0.25, abs=0.02)
-    for k in range(140, 2000):
-        made.check(Return((0.1 * k) % 40.0, 0.0, 0.0, 1.0), 40.0, STEP_S)
-    assert made.margin_m < 0.06
+    assert checked(made, range(120)) < promising.FIRST_MARGIN_M
+    assert checked(made, range(120, 140), 0.25) == pytest.approx(0.25, abs=0.02)
+    assert checked(made, range(140, 2000)) < 0.06
 
 
 def test_a_new_beginning_is_no_missed_promise():
     made = Promises()
-    for k in range(30):
-        made.check(Return(0.1 * k, 0.0, 0.0, 1.0), 40.0, STEP_S)
+    checked(made, range(30))
     made.begin()
-    made.check(Return(20.0, 0.4, 0.0, 1.0), 40.0, STEP_S)
-    assert made.margin_m < promising.FIRST_MARGIN_M
-    assert math.isfinite(made.margin_m)
+    assert -math.inf < checked(made, [200], 0.4) < promising.FIRST_MARGIN_M
 
 
 def test_what_was_broken_by_a_stop_is_not_held_against_the_slower_laps_after_it():
     made = Promises()
-    for k in range(40):
-        made.check(Return(0.1 * k, 0.3 if k >= 20 else 0.0, 0.0, 1.0), 40.0, STEP_S)
-    assert made.margin_m > 0.25
+    checked(made, range(20))
+    assert checked(made, range(20, 40), 0.3) > 0.25
     made.held_back()
     assert made.margin_m == promising.FIRST_MARGIN_M
-    for k in range(40, 56):
-        made.check(Return(0.1 * k, 0.0, 0.0, 1.0), 40.0, STEP_S)
-    assert made.margin_m < promising.FIRST_MARGIN_M, "no promise from before it counts"
+    assert checked(made, range(40, 56)) < promising.FIRST_MARGIN_M, "no promise from before it counts"

@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 
 from tests.runtime.control.line_following.lines import round_the_block
-from tests.runtime.control.localization.rooms import ring
-from tests.runtime.control.localization.test_localizer import BOXES
 from wallride.runtime.control.laws import LawStack
 from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.line_following.line_follower import DRIVES, WRONG_WAY
-from wallride.runtime.control.localization.line_field import field_of_cells
 from wallride.runtime.control.localization.localizer import Localizer
 from wallride.runtime.control.recovery.way_out import TURNS
 from wallride.runtime.settings.tree import load_settings
@@ -21,9 +18,8 @@ from wallride.sim.world.pose import Pose
 
 
 @pytest.mark.slow
-def test_it_turns_back_and_drives_on_along_the_line():
-    room = ring(BOXES)
-    start, field, line = (6.0, 0.1, 2.0), field_of_cells(room.cells), round_the_block()
+def test_it_turns_back_and_drives_on_along_the_line(room, field):
+    start, line = (6.0, 0.1, 2.0), round_the_block()
     slow = "wall_follow.faster_each_lap=0"  # no car drives these bends at the speed of the line
     settings = load_settings(None, ["wall_follow.method=line", "wall_follow.side=right", "car.max_speed_mps=3", slow])
     course = RaceCourse("ring", field, Localizer(field, settings.car, start), line)

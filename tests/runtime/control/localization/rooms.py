@@ -1,6 +1,7 @@
 """Rooms drawn in cells, with the scans of a standing lidar in them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -44,6 +45,10 @@ class Room:
         return slice(*rows), slice(*columns)
 
 
+BOXES = [(4.0, -1.0, 4.6, -0.5), (10.4, 4.0, 11.0, 5.2)]
+"""Furniture that breaks the symmetry of the ring."""
+
+
 def ring(boxes=()):
     """A corridor 2 m wide round a block of 8 x 4 m; without boxes it is symmetric by half a turn."""
     return Room([(-1.0, -1.0, 11.0, 7.0)], [(1.0, 1.0, 9.0, 5.0), *boxes])
@@ -52,6 +57,12 @@ def ring(boxes=()):
 def corridor():
     """A corridor 2 m wide and 60 m long, closed at the right end, 55 m ahead."""
     return Room([(-5.0, -1.0, 55.0, 1.0)], size_m=(66.0, 6.0), corner_m=(-8.0, -3.0))
+
+
+def among_people(scan, nearer_than_m=0.5):
+    """Return a scan in which people are near over half of the view."""
+    legs = np.arange(BEAMS) // 80 % 2 == 0
+    return replace(scan, ranges_m=np.where(legs, np.minimum(scan.ranges_m, nearer_than_m), scan.ranges_m))
 
 
 def report(stamp_s, way_m=0.0, speed_mps=0.0, steering_rad=0.0):

@@ -1,12 +1,11 @@
 """Found, kept, lost, found again; and never guessed."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tests.runtime.control.localization.rooms import BEAMS, LIDAR_M, Room, report, ring
+from tests.runtime.control.localization.rooms import BEAMS, LIDAR_M, Room, among_people, report, ring
 from wallride.runtime.control.localization.line_field import field_of_cells
 from wallride.runtime.control.localization.localizer import LOST_SCANS, Localizer, Whereabouts
 from wallride.runtime.control.vehicle import CarSettings
@@ -17,19 +16,11 @@ START = (0.0, 0.0, 0.0)
 ELSEWHERE = (10.0, 3.0, 1.5)
 CORNER = (9.8, 5.9, -0.7)
 WHOLE = 1_000_000
-BOXES = [(4.0, -1.0, 4.6, -0.5), (10.4, 4.0, 11.0, 5.2)]
-"""Furniture that breaks the symmetry of the ring."""
 
 
 @pytest.fixture(scope="module")
 def plain():
     room = ring()
-    return room, field_of_cells(room.cells)
-
-
-@pytest.fixture(scope="module")
-def furnished():
-    room = ring(BOXES)
     return room, field_of_cells(room.cells)
 
 
@@ -48,8 +39,7 @@ def at(estimate):
 
 
 @pytest.mark.parametrize("off", [(0.0, 0.0, 0.0), (0.3, -0.3, 0.2), (-0.4, 0.2, -0.3)])
-def test_it_begins_where_the_laps_begin(furnished, off):
-    room, field = furnished
+def test_it_begins_where_the_laps_begin(room, field, off):
     pose = (-0.2 + off[0], 0.1 + off[1], off[2])
     last = stand(Localizer(field, CAR, START), room, pose, scans=5)[-1]
     assert last.whereabouts is Whereabouts.LOCATED
@@ -58,8 +48,7 @@ def test_it_begins_where_the_laps_begin(furnished, off):
 
 
 @pytest.mark.parametrize("pose", [ELSEWHERE, (10.0, 5.9, -1.5)])
-def test_it_is_found_anywhere_part_by_part_while_it_stands(furnished, pose):
-    room, field = furnished
+def test_it_is_found_anywhere_part_by_part_while_it_stands(room, field, pose):
     localizer = Localizer(field, CAR, None)
     found = stand(localizer, room, pose, scans=200)
     assert found[0].whereabouts is Whereabouts.SEARCHING
@@ -68,8 +57,7 @@ def test_it_is_found_anywhere_part_by_part_while_it_stands(furnished, pose):
     assert at(found[-1]) == pytest.approx(pose, abs=0.03)
 
 
-def test_a_start_at_another_place_is_searched_for(furnished):
-    room, field = furnished
+def test_a_start_at_another_place_is_searched_for(room, field):
     last = stand(Localizer(field, CAR, START, search_parts=WHOLE), room, ELSEWHERE, scans=4)[-1]
     assert at(last) == pytest.approx(ELSEWHERE, abs=0.03)
 
@@ -81,8 +69,7 @@ def test_a_start_at_another_place_is_searched_for(furnished):
         *((10.0, 0.0, math.pi / 2), (9.8, 0.3, 1.6)),  # in a corner
     ],
 )
-def test_another_place_that_looks_like_the_start_is_not_taken_for_it(furnished, pose):
-    room, field = furnished
+def test_another_place_that_looks_like_the_start_is_not_taken_for_it(room, field, pose):
     last = stand(Localizer(field, CAR, START, search_parts=WHOLE), room, pose, scans=4)[-1]
     places = [at(last)] if last.whereabouts is Whereabouts.LOCATED else last.alike
     away_m = [math.hypot(x_m - pose[0], y_m - pose[1]) for x_m, y_m, _ in places]
@@ -90,31 +77,25 @@ def test_another_place_that_looks_like_the_start_is_not_taken_for_it(furnished, 
     assert min(math.hypot(x_m, y_m) for x_m, y_m, _ in places) > 1.0, "the start"
 
 
-def test_a_start_among_people_is_compared_with_the_whole_map_and_taken(furnished):
-    room, field = furnished
+def test_a_start_among_people_is_compared_with_the_whole_map_and_taken(room, field):
     localizer = Localizer(field, CAR, START)
-    legs = np.arange(BEAMS) // 80 % 2 == 0
     found = []
     for number in range(300):
         scan = room.scan(START, stamp_s=number * PERIOD_S, noise_m=0.01, seed=number)
-        ranges_m = np.where(legs, np.minimum(scan.ranges_m, 0.5), scan.ranges_m)
-        found.append(localizer.take(replace(scan, ranges_m=ranges_m), report(scan.stamp_s)))
+        found.append(localizer.take(among_people(scan), report(scan.stamp_s)))
     assert found[0].whereabouts is Whereabouts.SEARCHING
     assert at(found[-1]) == pytest.approx(START, abs=0.03)
 
 
-def test_a_doubted_start_is_followed_by_the_scans_while_the_whole_map_is_searched(furnished):
+def test_a_doubted_start_is_followed_by_the_scans_while_the_whole_map_is_searched(room, field):
     """By the wheels alone, which report too much and turn unsteered, it would be 0.12 m and 0.09 rad off by then."""
-    room, field = furnished
     localizer = Localizer(field, CAR, START)
-    legs = np.arange(BEAMS) // 80 % 2 == 0
     located = None
     for number in range(45):
         stamp_s, way_m = number * PERIOD_S, 4.0 * number * PERIOD_S
         pose = (way_m, -0.02 * way_m**2, -0.04 * way_m)
         scan = room.scan(pose, stamp_s=stamp_s, noise_m=0.01, seed=number)
-        ranges_m = np.where(legs, np.minimum(scan.ranges_m, 0.5), scan.ranges_m)
-        last = localizer.take(replace(scan, ranges_m=ranges_m), report(stamp_s, 1.03 * way_m, speed_mps=4.12))
+        last = localizer.take(among_people(scan), report(stamp_s, 1.03 * way_m, speed_mps=4.12))
         if located is None and last.whereabouts is Whereabouts.LOCATED:
             located = number
             assert way_m > 1.0
@@ -183,9 +164,8 @@ def test_a_start_that_fits_either_way_round_decides_nothing():
 
 
 @pytest.mark.parametrize("pose", [CORNER, (-0.3, 2.0, 1.0), (9.5, -0.2, 0.4)])
-def test_set_down_elsewhere_it_is_lost_at_once(furnished, pose):
+def test_set_down_elsewhere_it_is_lost_at_once(room, field, pose):
     """Of the beams 1, 14 and 29 % fit there."""
-    room, field = furnished
     localizer = Localizer(field, CAR, START, search_parts=WHOLE)
     stand(localizer, room, START, scans=8)
     found = stand(localizer, room, pose, scans=LOST_SCANS, begin_s=8 * PERIOD_S)
@@ -194,8 +174,7 @@ def test_set_down_elsewhere_it_is_lost_at_once(furnished, pose):
     assert math.isnan(found[-1].x_m)
 
 
-def test_what_was_lost_is_found_again(furnished):
-    room, field = furnished
+def test_what_was_lost_is_found_again(room, field):
     localizer = Localizer(field, CAR, START, search_parts=WHOLE)
     stand(localizer, room, START, scans=8)
     found = stand(localizer, room, CORNER, scans=12, begin_s=8 * PERIOD_S)
@@ -203,8 +182,7 @@ def test_what_was_lost_is_found_again(furnished):
     assert at(found[-1]) == pytest.approx(CORNER, abs=0.03)
 
 
-def test_a_covered_lidar_is_no_evidence_of_being_lost(furnished):
-    room, field = furnished
+def test_a_covered_lidar_is_no_evidence_of_being_lost(room, field):
     localizer = Localizer(field, CAR, START)
     stand(localizer, room, START, scans=8)
     covered = stand(localizer, room, START, scans=60, begin_s=8 * PERIOD_S, keep=np.zeros(BEAMS, bool))
@@ -214,15 +192,12 @@ def test_a_covered_lidar_is_no_evidence_of_being_lost(furnished):
     assert at(again[-1]) == pytest.approx(START, abs=0.02)
 
 
-def test_people_over_half_of_the_view_are_no_evidence_either(furnished):
-    room, field = furnished
+def test_people_over_half_of_the_view_are_no_evidence_either(room, field):
     localizer = Localizer(field, CAR, START)
     stand(localizer, room, START, scans=8)
-    legs = np.arange(BEAMS) // 80 % 2 == 0
     for number in range(60):
         scan = room.scan(START, stamp_s=(8 + number) * PERIOD_S, noise_m=0.01, seed=number)
-        ranges_m = np.where(legs, np.minimum(scan.ranges_m, 0.5), scan.ranges_m)
-        last = localizer.take(replace(scan, ranges_m=ranges_m), report(scan.stamp_s))
+        last = localizer.take(among_people(scan), report(scan.stamp_s))
         assert last.whereabouts is Whereabouts.LOCATED
     assert at(last) == pytest.approx(START, abs=0.02)
 
@@ -231,21 +206,19 @@ def test_people_over_half_of_the_view_are_no_evidence_either(furnished):
 def test_a_pose_that_turns_the_other_way_than_the_wheels_is_lost(steers, lost):
     """Among people, who leave a share of beams that a place where the scene is alike has, too."""
     room, radius_m = Room([(-1.0, -1.0, 11.0, 7.0)], [(8.0, -1.0, 9.0, 0.0)]), 2.5
-    legs, whereabouts = np.arange(BEAMS) // 80 % 2 == 0, set()
-    localizer = Localizer(field_of_cells(room.cells), CAR, (5.0, 5.5, 0.0))
+    whereabouts, localizer = set(), Localizer(field_of_cells(room.cells), CAR, (5.0, 5.5, 0.0))
     for number in range(100):  # a circle to the right
         stamp_s, turn = number * PERIOD_S, 0.05 * number / radius_m
         pose = 5.0 + radius_m * math.sin(turn), 3.0 + radius_m * math.cos(turn), -turn
         scan = room.scan(pose, stamp_s=stamp_s, noise_m=0.01, seed=number, number=number)
-        scan = replace(scan, ranges_m=np.where(legs, np.minimum(scan.ranges_m, 0.5), scan.ranges_m))
         steering_rad = steers * math.atan(CAR.wheelbase_m / radius_m)
-        whereabouts.add(localizer.take(scan, report(stamp_s, 0.05 * number, 2.0, steering_rad)).whereabouts)
+        wheels = report(stamp_s, 0.05 * number, 2.0, steering_rad)
+        whereabouts.add(localizer.take(among_people(scan), wheels).whereabouts)
     assert Whereabouts.LOCATED in whereabouts
     assert (Whereabouts.LOST in whereabouts) is lost
 
 
-def test_it_rolls_on_with_the_wheels_and_without_their_reports(furnished):
-    room, field = furnished
+def test_it_rolls_on_with_the_wheels_and_without_their_reports(room, field):
     for reports in (True, False):
         localizer = Localizer(field, CAR, START)
         for number in range(200):
@@ -258,8 +231,7 @@ def test_it_rolls_on_with_the_wheels_and_without_their_reports(furnished):
         assert at(last) == pytest.approx((way_m, 0.1, 0.0), abs=0.04)
 
 
-def test_the_same_scans_give_the_same_poses_to_the_bit(furnished):
-    room, _ = furnished
+def test_the_same_scans_give_the_same_poses_to_the_bit(room):
     first, second = (
         stand(Localizer(field_of_cells(room.cells), CAR, None), room, ELSEWHERE, scans=150) for _ in range(2)
     )

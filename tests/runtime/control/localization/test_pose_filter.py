@@ -1,11 +1,12 @@
 """One scan laid over the map: it pulls the pose where it tells something, and nowhere else."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tests.runtime.control.localization.rooms import BEAMS, LIDAR_M, corridor, ring
+from tests.runtime.control.localization.rooms import BEAMS, LIDAR_M, among_people, corridor, ring
 from wallride.runtime.control.localization.line_field import field_of_cells
 from wallride.runtime.control.localization.pose_filter import PoseFilter, WheelStep, inverse
 from wallride.runtime.control.localization.scan_on_lines import WEAK_SHARE
@@ -16,9 +17,8 @@ WHEELBASE_M = 0.33
 
 
 @pytest.fixture(scope="module")
-def ringed():
-    room = ring()
-    return room, field_of_cells(room.cells)
+def room():
+    return ring()
 
 
 @pytest.fixture(scope="module")
@@ -39,8 +39,7 @@ def placed(field, pose, off=(0.0, 0.0, 0.0), std_m=0.05, std_rad=0.03):
 
 
 @pytest.mark.parametrize("pose", [(9.6, 0.2, 0.4), (-0.2, 3.0, -1.5), (10.1, 5.6, 3.0)])
-def test_a_scan_takes_a_pose_to_the_true_one(ringed, pose):
-    room, field = ringed
+def test_a_scan_takes_a_pose_to_the_true_one(room, field, pose):
     filter_ = placed(field, pose, (0.06, -0.05, 0.04))
     fit = filter_.correct(points(room, pose))
     assert filter_.state[:3] == pytest.approx(pose, abs=0.01)
@@ -48,22 +47,16 @@ def test_a_scan_takes_a_pose_to_the_true_one(ringed, pose):
     assert math.sqrt(filter_.covariance[0, 0]) < 0.02
 
 
-def test_people_over_half_of_the_view_do_not_move_the_pose(ringed):
-    room, field = ringed
+def test_people_over_half_of_the_view_do_not_move_the_pose(room, field):
     pose = (9.6, 0.2, 0.4)
-    scan = room.scan(pose, noise_m=0.01)
-    ranges_m = scan.ranges_m.copy()
-    covered = np.arange(BEAMS) // 80 % 2 == 0
-    ranges_m[covered] = np.minimum(ranges_m[covered], 0.7)
-    people = type(scan)(*(getattr(scan, name) if name != "ranges_m" else ranges_m for name in scan.__slots__))
+    people = among_people(room.scan(pose, noise_m=0.01), 0.7)
     filter_ = placed(field, pose, (0.03, -0.03, 0.02))
     fit = filter_.correct(scan_points(people, complex(LIDAR_M), STILL))
     assert filter_.state[:3] == pytest.approx(pose, abs=0.02)
     assert 0.5 < fit.share < 0.9
 
 
-def test_a_steering_that_is_trimmed_wrongly_does_not_lean_the_turn(ringed):
-    room, field = ringed
+def test_a_steering_that_is_trimmed_wrongly_does_not_lean_the_turn(room, field):
     filter_, turns = placed(field, (1.0, 0.0, 0.0)), []
     for step in range(1, 91):
         filter_.predict(WheelStep(0.025, 0.075, 3.0, -0.06))
@@ -105,15 +98,14 @@ def test_a_car_ahead_does_not_take_the_pose_with_it_where_the_way_is_in_doubt(lo
     ahead = room.scan((53.2, 0.0, 0.0), noise_m=0.01)
     ranges_m = ahead.ranges_m.copy()
     ranges_m[BEAMS // 2 - 60 : BEAMS // 2 + 61] = 0.9
-    scan = type(ahead)(*(getattr(ahead, name) if name != "ranges_m" else ranges_m for name in ahead.__slots__))
+    scan = replace(ahead, ranges_m=ranges_m)
     filter_ = placed(field, (53.2, 0.0, 0.0), (0.1, 0.0, 0.0), std_m=0.4)
     for _ in range(3):
         filter_.correct(scan_points(scan, complex(LIDAR_M), STILL))
     assert filter_.state[0] == pytest.approx(53.2, abs=0.03)
 
 
-def test_the_scale_of_the_wheels_is_learnt_from_the_corrections(ringed):
-    room, field = ringed
+def test_the_scale_of_the_wheels_is_learnt_from_the_corrections(room, field):
     filter_ = placed(field, (0.0, 0.0, 0.0), std_m=0.01)
     for number in range(1, 60):
         pose = (0.1 * number, 0.0, 0.0)
@@ -123,9 +115,8 @@ def test_the_scale_of_the_wheels_is_learnt_from_the_corrections(ringed):
     assert filter_.state[:3] == pytest.approx(pose, abs=0.03)
 
 
-def test_a_turn_that_the_steering_does_not_tell_is_followed(ringed):
+def test_a_turn_that_the_steering_does_not_tell_is_followed(room, field):
     """Tyres and a wrong trim: the car turns by 1 rad/s at 1 m/s with its wheels straight."""
-    room, field = ringed
     filter_ = placed(field, (9.0, -0.3, 0.0))
     for number in range(1, 41):
         yaw_rad = 0.025 * number
@@ -136,9 +127,8 @@ def test_a_turn_that_the_steering_does_not_tell_is_followed(ringed):
     assert filter_.state[3] > 0.6
 
 
-def test_both_halves_of_the_covariance_stay_equal(ringed):
+def test_both_halves_of_the_covariance_stay_equal(room, field):
     """Their difference by rounding grew until a variance was negative: after 6.5 minutes the pose was an error."""
-    room, field = ringed
     filter_ = placed(field, (0.0, 0.0, 0.0), std_m=0.01)
     filter_.covariance[0, 1] += 1e-6
     for number in range(1, 30):
@@ -148,8 +138,7 @@ def test_both_halves_of_the_covariance_stay_equal(ringed):
         assert np.linalg.eigvalsh(filter_.covariance).min() > 0.0
 
 
-def test_a_scan_without_beams_leaves_the_prediction(ringed):
-    room, field = ringed
+def test_a_scan_without_beams_leaves_the_prediction(room, field):
     filter_ = placed(field, (9.6, 0.2, 0.4))
     before = filter_.state.copy()
     fit = filter_.correct(points(room, (9.6, 0.2, 0.4), keep=np.zeros(BEAMS, bool)))

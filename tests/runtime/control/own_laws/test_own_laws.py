@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from tests.own_laws import EASY, HEAD, INIT, STRAIGHT, follow, law_file, limit
+from tests.runtime.control.scans import scan_of
 from tests.runtime.in_earnest import judged
-from wallride.drivers.api import MotorState, Scan
+from wallride.drivers.api import MotorState
 from wallride.runtime.arbitration.command import Source, arbitrate, consent
 from wallride.runtime.control.own_laws import runner
 from wallride.runtime.host.stop_signals import STOP_SIGNALS, StopSignals
@@ -19,11 +20,11 @@ from wallride.runtime.parameters.catalogue import catalogue, values
 from wallride.runtime.parameters.update import UnacceptableError, plan
 from wallride.runtime.recording.decision_log import DecisionLog
 from wallride.runtime.settings.tree import Settings, load_settings, to_toml
-from wallride.sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
+from wallride.sim.virtual.devices import BEAMS, ranges_between_walls
 
 __all__ = ["law_file"]
 NO_PATH = "returned path_m and path_mps that are not the numbers of (2, n) places and (n,) speeds (FILE:5)"
-ROLLING = MotorState(100.0, 1.0, 0.0, 0.1, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)
+ROLLING = MotorState(100.0, 1.0, 0.0, 0.1)
 
 
 class Car:
@@ -42,11 +43,8 @@ class Car:
         """Answer one scan and return what would be sent."""
         self.scans += 1
         self.now_s += 0.025
+        scan = scan_of(ranges_between_walls(1.0, 1.0, ahead_m), self.now_s, self.scans)
         costs_s = self.costs_s
-        self.costs_s = 0.0
-        seen_m = ranges_between_walls(1.0, 1.0, ahead_m).astype(np.float32)
-        scan = Scan(self.now_s, self.now_s, -STEP_RAD * (BEAMS // 2), STEP_RAD, 0.02, 30.0, seen_m, self.scans)
-        self.costs_s = costs_s
         self.stack.look(scan, ROLLING)
         self.stack.follow(scan, ROLLING)
         self.costs_s = 0.0

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.runtime.control.scans import BEARING_RAD, CAR, MIDDLE, scan_of
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.perception.lidar_health import LidarHealth
 from wallride.runtime.control.perception.lidar_health_settings import LidarHealthSettings
@@ -17,11 +18,7 @@ from wallride.runtime.control.perception.window_dirt import (
     runs_with,
     stands_out,
 )
-from wallride.runtime.control.vehicle import CarSettings
-
-BEAMS = 1081
-STEP_RAD = math.radians(0.25)
-MIDDLE = BEAMS // 2
+from wallride.sim.virtual.devices import BEAMS, STEP_RAD
 
 
 def beam(bearing_deg):
@@ -33,7 +30,7 @@ def room():
 
 
 def motor(distance_m, steering_rad=0.0):
-    return MotorState(0.0, 1.0, distance_m, steering_rad, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)
+    return MotorState(0.0, 1.0, distance_m, steering_rad)
 
 
 class Drive:
@@ -41,17 +38,24 @@ class Drive:
 
     def __init__(self):
         self.health = LidarHealth(LidarHealthSettings(), 0.33)
-        self.eyes = ViewCache(CarSettings())
+        self.eyes = ViewCache(CAR)
         self.distance_m = 0.0
 
     def go(self, ranges_m, way_m, steering_rad=0.0, noise_m=0.02, range_max_m=30.0):
         rng = np.random.default_rng(4)
         for _ in range(round(way_m / 0.05) or 1):
             self.distance_m += 0.05 if way_m else 0.0
-            noisy = (ranges_m + rng.normal(0, noise_m, BEAMS)).astype(np.float32)
-            view = self.eyes.see(Scan(0.0, 0.0, -STEP_RAD * MIDDLE, STEP_RAD, 0.02, range_max_m, noisy, 0))
+            view = self.eyes.see(scan_of(ranges_m + rng.normal(0, noise_m, BEAMS), to_m=range_max_m))
             self.health.update(view, motor(self.distance_m, steering_rad))
         return self.health
+
+
+def masked(health):
+    """Return the beams that are ignored, as a range where there is no gap between them."""
+    assert health.mask is not None
+    beams = np.flatnonzero(health.mask).tolist()
+    whole = range(beams[0], beams[-1] + 1)
+    return whole if beams == list(whole) else beams
 
 
 def dirty(*patches_deg, range_m=0.2):
@@ -65,8 +69,7 @@ def test_dirt_is_masked_after_a_metre_and_a_half_and_said_in_words():
     drive = Drive()
     assert drive.go(dirty((-96.25, -93.5)), 1.4).mask is None
     health = drive.go(dirty((-96.25, -93.5)), 0.4)
-    assert health.mask is not None
-    assert np.flatnonzero(health.mask).tolist() == list(range(beam(-96.25), beam(-93.5) + 1))
+    assert masked(health) == range(beam(-96.25), beam(-93.5) + 1)
     assert health.words == ("12 beams around -95 deg are dirty: clean the window",)
     assert health.ceiling_mps == math.inf
 
@@ -87,8 +90,7 @@ def test_a_wiped_window_is_believed_again():
     drive = Drive()
     assert drive.go(dirty((-96, -93)), 3.0).mask is not None
     health = drive.go(room(), 2.0)
-    assert health.mask is None
-    assert health.words == ()
+    assert (health.mask, health.words) == (None, ())
 
 
 def test_something_near_that_does_not_keep_its_range_is_no_dirt():
@@ -114,22 +116,18 @@ def test_much_dirt_is_not_masked_and_slows_the_car():
     assert health.mask is not None
     assert health.ceiling_mps == math.inf
     health = Drive().go(spread(4.5), 3.0)  # 7 x 19 beams: 12.3 %
-    assert health.mask is None
-    assert health.ceiling_mps == 1.0
-    assert health.reason == "dirty window: clean the lidar"
+    assert (health.mask, health.ceiling_mps, health.reason) == (None, 1.0, "dirty window: clean the lidar")
 
 
-@pytest.mark.parametrize(("width_deg", "masked"), [(2.75, True), (3.25, False)])
-def test_ahead_a_gap_of_three_degrees_is_the_most(width_deg, masked):
+@pytest.mark.parametrize(("width_deg", "is_masked"), [(2.75, True), (3.25, False)])
+def test_ahead_a_gap_of_three_degrees_is_the_most(width_deg, is_masked):
     health = Drive().go(dirty((20, 20 + width_deg)), 3.0)
-    assert (health.mask is not None) == masked
-    assert (health.ceiling_mps == math.inf) == masked
+    assert (health.mask is not None, health.ceiling_mps == math.inf) == (is_masked, is_masked)
 
 
 def test_a_quarter_of_the_window_dirty_refuses():
     health = Drive().go(dirty(*[(at, at + 10) for at in range(-130, 120, 30)]), 3.0)
-    assert health.ceiling_mps == 0.0
-    assert health.reason == "too much dirt: clean the lidar"
+    assert (health.ceiling_mps, health.reason) == (0.0, "too much dirt: clean the lidar")
 
 
 def test_almost_no_echo_stops_at_once_and_is_forgiven_at_once():
@@ -168,8 +166,7 @@ def test_the_cars_own_parts_are_named_and_harmless():
     ranges_m[:20] = 0.1
     health = Drive().go(ranges_m, 3.0, noise_m=0.0)
     assert health.words == ("20 beams around -133 deg see the car itself, or dirt, and are ignored",)
-    assert health.mask is None  # no need: what lies on the car is no thing anyway
-    assert health.ceiling_mps == math.inf
+    assert (health.mask, health.ceiling_mps) == (None, math.inf)  # no need: what lies on the car is no thing anyway
 
 
 def test_a_changed_lidar_is_learnt_anew():
@@ -211,8 +208,7 @@ def test_a_wide_smudge_at_the_rear_is_masked_before_anything_else():
     drive = Drive()
     assert drive.go(dirty((122, 135), range_m=0.55), 0.6).mask is None
     health = drive.go(dirty((122, 135), range_m=0.55), 0.4)
-    assert health.mask is not None
-    assert np.flatnonzero(health.mask).tolist() == list(range(beam(122), BEAMS))
+    assert masked(health) == range(beam(122), BEAMS)
     assert health.words == ("53 beams around 129 deg see the car itself, or dirt, and are ignored",)
 
 
@@ -228,8 +224,7 @@ def test_a_part_of_the_car_that_answers_now_and_then_is_masked_all_the_same():
     for _ in range(60):
         drive.go(dirty((122, 135), (60, 62), range_m=0.3), 0.05)
         health = drive.go(silent, 0.15)
-    assert health.mask is not None
-    assert np.flatnonzero(health.mask).tolist() == list(range(beam(122), BEAMS))
+    assert masked(health) == range(beam(122), BEAMS)
 
 
 def test_what_the_car_passes_is_not_taken_for_a_part_of_it():
@@ -247,10 +242,8 @@ def test_what_the_car_passes_is_not_taken_for_a_part_of_it():
 @pytest.mark.parametrize("side", [1, -1])
 def test_the_wall_beside_the_tail_is_not_taken_for_a_part_of_the_car(side):
     """However long the car follows it at the same distance: a wall goes on beside the shoulders."""
-    bearing_rad = STEP_RAD * (np.arange(BEAMS) - MIDDLE)
-    aside = np.maximum(side * np.sin(bearing_rad), 0.05)
-    health = Drive().go(np.minimum(0.17 / aside, 3.0), 6.0)
-    assert health.mask is None
+    aside = np.maximum(side * np.sin(BEARING_RAD), 0.05)
+    assert Drive().go(np.minimum(0.17 / aside, 3.0), 6.0).mask is None
 
 
 def test_the_cars_own_parts_take_nothing_from_the_view_ahead():
@@ -267,18 +260,15 @@ def test_the_blurred_rim_of_a_smudge_belongs_to_it():
     for _ in range(30):
         drive.go(blurred, 0.1)
         health = drive.go(sharp, 0.1)
-    assert health.mask is not None
-    found = np.flatnonzero(health.mask)
-    assert (found[0], found[-1]) == (beam(58), beam(65))
+    assert (masked(health)[0], masked(health)[-1]) == (beam(58), beam(65))
     for _ in range(60):
         health = drive.go(sharp, 0.1)
-    assert np.flatnonzero(health.mask).tolist() == list(range(beam(60), beam(63) + 1)), "nothing left of the rim"
+    assert masked(health) == range(beam(60), beam(63) + 1), "nothing left of the rim"
 
 
 def test_what_is_too_wide_to_be_ignored_ahead_does_not_unmask_the_rest():
     health = Drive().go(dirty((20, 26), (-120, -116)), 3.0)
-    assert health.mask is not None
-    assert np.flatnonzero(health.mask).tolist() == list(range(beam(-120), beam(-116) + 1))
+    assert masked(health) == range(beam(-120), beam(-116) + 1)
     assert health.ceiling_mps == 1.0
 
 
@@ -307,7 +297,6 @@ def test_a_car_refused_for_dirt_is_let_go_when_it_was_wiped():
     assert (health.ceiling_mps, health.reason) == (0.0, "too much dirt: clean the lidar")
     for number in range(160):
         ranges_m = dirty(*WIDELY) if number < 80 else room()
-        scan = Scan(10 + 0.025 * number, 0.0, -STEP_RAD * MIDDLE, STEP_RAD, 0.02, 30.0, ranges_m.astype(np.float32), 0)
-        health.update(drive.eyes.see(scan), motor(drive.distance_m))
+        health.update(drive.eyes.see(scan_of(ranges_m, 10 + 0.025 * number)), motor(drive.distance_m))
         assert (health.ceiling_mps == 0.0) or number > 100
     assert health.ceiling_mps == math.inf

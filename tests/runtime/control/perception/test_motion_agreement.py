@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.runtime.control.perception.test_plausibility import CAR, PERIOD_S, Room
+from tests.runtime.control.perception.test_plausibility import PERIOD_S, Room
+from tests.runtime.control.scans import CAR
 from wallride.drivers.api import MotorState
 from wallride.runtime.control.perception.motion_agreement import HOLDS_AFTER_S, Agreement, MotionAgreement
 from wallride.runtime.control.perception.odometry import OdometryState
@@ -32,13 +33,10 @@ class Witness:
 @pytest.mark.parametrize(
     ("told", "yaw_rad", "answer"),
     [
-        (1.0, 0.0, Agreement.AGREES),
-        (0.6, 0.0, Agreement.AGREES),
-        (-1.0, 0.0, Agreement.OPPOSITE),
-        (0.33, 0.0, Agreement.FARTHER),
-        (1.0, 1.5, Agreement.ASIDE),
+        (1.0, 0.0, Agreement.AGREES), (0.6, 0.0, Agreement.AGREES), (-1.0, 0.0, Agreement.OPPOSITE),
+        (0.33, 0.0, Agreement.FARTHER), (1.0, 1.5, Agreement.ASIDE),
     ],
-)
+)  # fmt: skip
 def test_the_answer_is_the_ratio_of_scene_and_wheels(told, yaw_rad, answer):
     way_m = 1.2 if told == 0.33 else 0.6
     room = Room("cluttered", judge=Witness(), yaw_rad=yaw_rad)
@@ -128,9 +126,8 @@ def test_on_real_drives_true_wheels_agree_and_no_turned_lidar_does(name):
 
 def test_reports_of_the_motor_without_a_new_time_are_no_slip():
     room = Room("cluttered", judge=Witness())
-    state = MotorState(1.0, 2.0, 0.0, 0.0, 12.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
     room.step(0.0, told=0.0)
     agreement = MotionAgreement(CAR.lidar_m)
-    for speed_mps in (2.0, 0.1):
-        agreement.learn(room.last, replace(state, speed_mps=speed_mps), OdometryState())
-    assert agreement.learn(room.last, state, OdometryState()) is Agreement.UNKNOWN
+    for speed_mps in (2.0, 0.1, 2.0):
+        answer = agreement.learn(room.last, MotorState(1.0, speed_mps, 0.0, 0.0), OdometryState())
+    assert answer is Agreement.UNKNOWN

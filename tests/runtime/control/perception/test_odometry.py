@@ -8,7 +8,7 @@ import pytest
 from wallride.drivers.api import MotorState
 from wallride.runtime.control.perception.odometry import Odometry
 
-STATE = MotorState(0.0, 1.0, 0.0, 0.0, 11.8, 0.0, 0.0, 25.0, "", timed_out=False, killed=False)
+STATE = MotorState(0.0, 1.0, 0.0, 0.0)
 
 
 def driven(odometry, distance_m, steering_rad, steps=50, start_m=0.0):

@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
+from tests.runtime.control.scans import CAR, SCAN_S, scan_of
 from tests.runtime.in_earnest import judged
-from wallride.drivers.api import MotorState, Scan
+from wallride.drivers.api import MotorState
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.own_parts import MIN_THROUGH_SCANS, PART_RIM_BEAMS, KnownParts, OwnParts
 from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.safety.swept import SweptAssessment, SweptGuard
 from wallride.runtime.control.safety.swept_settings import SweptSettings
-from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.virtual.closed_loop import as_scan
 from wallride.sim.world.beams import LidarSettings, scan
 from wallride.sim.world.obstacles import Box, ConstantMotion, Obstacle, ObstacleWorld, Round, StandingObstacle
@@ -20,7 +20,6 @@ from wallride.sim.world.own_parts import KINDS
 from wallride.sim.world.pose import STANDING, Pose
 from wallride.sim.world.worlds import load_world
 
-CAR = CarSettings()
 STEP_M = 0.02
 
 
@@ -42,14 +41,11 @@ class Car:
         wheels_m = step_m if wheels_m is None else wheels_m
         self.pose = Pose(self.pose.x_m + step_m, self.pose.y_m, 0.0)
         self.way_m += wheels_m
-        at_s = 0.025 * self.scans
+        at_s = SCAN_S * self.scans
         self.scene.update(at_s, self.pose, 0.0)
         reported_mm = scan(self.scene, self.pose, STANDING, at_s, self.rng, self.lidar)
         sweep = as_scan(reported_mm, self.lidar, at_s, self.scans)
-        motor = MotorState(
-            at_s, wheels_m / 0.025, self.way_m, 0.0, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False
-        )
-        self.assessment = self.guard.look(sweep, motor)
+        self.assessment = self.guard.look(sweep, MotorState(at_s, wheels_m / SCAN_S, self.way_m, 0.0))
         self.scans += 1
         return self.assessment.view
 
@@ -143,7 +139,7 @@ def test_a_cable_that_swings_to_and_fro_stays_in_doubt():
     for step in range(400):
         seen_m = cable_m if step % (MIN_THROUGH_SCANS + 9) >= MIN_THROUGH_SCANS - 1 else free_m
         eyes.ignore(None, parts.below_m)
-        view = eyes.see(Scan(0.025 * step, 0.025 * step, -2.356, 0.00436, 0.02, 30.0, seen_m, step))
+        view = eyes.see(scan_of(seen_m, SCAN_S * step, step))
         assert not view.solid[40:60].any() or seen_m is free_m
         parts.update(view, OdometryState())
     assert parts.below_m is not None
@@ -159,7 +155,7 @@ def test_a_part_that_is_bent_aside_by_a_rim_stays_in_doubt(moved_beams):
         first = 40 if step < 80 else 40 + moved_beams
         seen_m[first : first + 20] = 0.4
         eyes.ignore(None, parts.below_m)
-        view = eyes.see(Scan(0.025 * step, 0.025 * step, -2.356, 0.00436, 0.02, 30.0, seen_m, step))
+        view = eyes.see(scan_of(seen_m, SCAN_S * step, step))
         assert step == 0 or not view.solid[first : first + 20].any(), step
         parts.update(view, OdometryState())
     assert parts.below_m is not None

@@ -3,22 +3,19 @@
 import numpy as np
 import pytest
 
-from wallride.drivers.api import MotorState, Scan
+from tests.runtime.control.scans import CAR, SCAN_S, scan_of
+from wallride.drivers.api import MotorState
 from wallride.runtime.control.perception.perception import Perception
 from wallride.runtime.control.safety.swept import assumed
 from wallride.runtime.control.safety.swept_settings import SweptSettings
-from wallride.runtime.control.vehicle import CarSettings
-
-STEP_RAD = np.radians(0.25)
-RANGES_M = np.full(1081, 9.0, np.float32)
+from wallride.sim.virtual.devices import BEAMS
 
 
 def speeds(reports):
     """Return the speed at each scan; reports: stamp and speed of the wheels' newest one at each, 25 ms apart."""
-    perception, found = Perception(CarSettings(), assumed(SweptSettings())), []
+    perception, found = Perception(CAR, assumed(SweptSettings())), []
     for number, (stamp_s, speed_mps) in enumerate(reports):
-        now_s = 1.0 + 0.025 * number
-        scan = Scan(now_s, now_s, -540 * STEP_RAD, STEP_RAD, 0.02, 30.0, RANGES_M, number)
+        scan = scan_of(np.full(BEAMS, 9.0), 1.0 + SCAN_S * number, number)
         found.append(perception.look(scan, MotorState(stamp_s, speed_mps, 0.0, 0.0)).speed_mps)
     return found
 

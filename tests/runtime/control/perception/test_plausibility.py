@@ -1,12 +1,14 @@
 """Wheels and lidar that tell of the same drive, and of different ones: simulated rooms, and real drives."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from tests.runtime.control.scans import CAR
 from tests.runtime.in_earnest import judged
-from wallride.drivers.api import MotorState, Scan
+from wallride.drivers.api import MotorState
 from wallride.runtime.control.laws import LiveLaws
 from wallride.runtime.control.perception.perception import Perception
 from wallride.runtime.control.perception.plausibility import (
@@ -22,14 +24,12 @@ from wallride.runtime.control.perception.plausibility import (
 from wallride.runtime.control.perception.scene_agreement import VANISHED
 from wallride.runtime.control.safety.swept import assumed
 from wallride.runtime.control.safety.swept_settings import SweptSettings
-from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.virtual.closed_loop import as_scan
 from wallride.sim.world.beams import LidarSettings, scan
 from wallride.sim.world.pose import Pose, Twist
 from wallride.sim.world.worlds import load_world
 
-CAR = CarSettings()
 PERIOD_S = 0.025
 ROOMS = ["inside_corner", "loop", "u_turn", "dead_end", "doorway", "cluttered"]
 
@@ -71,14 +71,8 @@ class Room:
         )  # fmt: skip
         self.sequence += 1
         if self.frozen_m is not None:
-            seen = Scan(
-                seen.stamp_s, seen.received_s, seen.angle_min_rad, seen.angle_step_rad, seen.range_min_m,
-                seen.range_max_m, self.frozen_m, seen.sequence,
-            )  # fmt: skip
-        state = MotorState(
-            self.now_s, wheels_mps, self.distance_m, steering_rad, 12.0, 0.0, 0.0, 30.0, "", timed_out=False,
-            killed=False,
-        )  # fmt: skip
+            seen = replace(seen, ranges_m=self.frozen_m)
+        state = MotorState(self.now_s, wheels_mps, self.distance_m, steering_rad)
         self.last = seen
         percept = self.perception.look(seen, state if motor else None)
         self.plausibility.look(percept, odometry_check=self.odometry_check)
@@ -263,8 +257,7 @@ def test_the_laws_answer_a_doubt_with_a_stop_and_its_words(method):
     laws = LiveLaws(settings.wall_follow, settings.safety, CAR)
     room = Room(judge=laws.plausibility)
     room.drive(0.6, told=-1.0)
-    state = MotorState(room.now_s, -1.0, room.distance_m, 0.0, 12.0, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
-    verdict = judged(laws.look(room.last, state), 1.0, 0.0)
+    verdict = judged(laws.look(room.last, MotorState(room.now_s, -1.0, room.distance_m, 0.0)), 1.0, 0.0)
     assert (verdict.forward_mps, verdict.reverse_mps, verdict.reason) == (0.0, 0.0, BACKWARDS)
 
 

@@ -5,25 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from wallride.drivers.api import Scan
+from tests.runtime.control.scans import BEARING_RAD, CAR, MIDDLE, scan_of, see
 from wallride.runtime.control.perception.view import ViewCache, supported, thin_dirt, trails
-from wallride.runtime.control.vehicle import CarSettings
-
-BEAMS = 1081
-STEP_RAD = math.radians(0.25)
-MIDDLE = BEAMS // 2
-
-
-def scan_of(ranges_m):
-    return Scan(0.0, 0.0, -STEP_RAD * MIDDLE, STEP_RAD, 0.02, 30.0, np.asarray(ranges_m, np.float32), 0)
+from wallride.sim.virtual.devices import BEAMS, STEP_RAD
 
 
 def room(range_m=5.0):
     return np.full(BEAMS, range_m)
-
-
-def see(ranges_m):
-    return ViewCache(CarSettings()).see(scan_of(ranges_m))
 
 
 def test_points_are_in_base_link_ahead_of_the_rear_axle():
@@ -106,8 +94,7 @@ def test_before_the_cars_shoulders_nothing_is_a_trail():
 
 @pytest.mark.parametrize("aside_m", [0.17, 0.25, 0.4])
 def test_a_wall_beside_the_cars_own_part_is_still_a_wall(aside_m):
-    bearing_rad = STEP_RAD * (np.arange(BEAMS) - MIDDLE)
-    wall_m = np.where(bearing_rad < -0.5, aside_m / np.maximum(-np.sin(bearing_rad), 1e-3), 5.0)
+    wall_m = np.where(BEARING_RAD < -0.5, aside_m / np.maximum(-np.sin(BEARING_RAD), 1e-3), 5.0)
     noisy_m = wall_m + np.random.default_rng(6).normal(0.0, 0.01, BEAMS)
     view = see(cable(noisy_m))
     assert np.count_nonzero(view.solid[CABLE.stop : CABLE.stop + 40]) >= 37
@@ -126,21 +113,14 @@ def ignored(ranges_m):
     return set(thin_dirt(ranges_m, near, STEP_RAD).tolist())
 
 
-def test_a_near_thing_thinner_than_12_mm_is_dirt():
-    ranges_m, at = smudge(8, 0.3)  # 10.5 mm
-    assert ignored(ranges_m) == set(range(at, at + 8))
-    assert not see(ranges_m).solid[at + 4]
-
-
-def test_a_thin_pole_is_no_dirt():
-    ranges_m, at = smudge(10, 0.3)  # 13 mm
-    assert not ignored(ranges_m)
-    assert see(ranges_m).solid[at + 5]
-
-
-def test_far_thin_things_are_no_dirt():
-    ranges_m, at = smudge(3, 0.61)
-    assert see(ranges_m).solid[at + 1]
+@pytest.mark.parametrize(
+    ("beams", "range_m", "is_dirt"),
+    [(8, 0.3, True), (10, 0.3, False), (3, 0.61, False)],
+    ids=["10.5 mm", "a pole of 13 mm", "far away"],
+)
+def test_a_near_thing_thinner_than_12_mm_is_dirt(beams, range_m, is_dirt):
+    ranges_m, at = smudge(beams, range_m)
+    assert np.flatnonzero(~see(ranges_m).solid).tolist() == (list(range(at, at + beams)) if is_dirt else [])
 
 
 def test_dirt_stands_out_on_both_sides():
@@ -172,7 +152,7 @@ def test_a_wild_beam_does_not_cut_a_pole_into_two_smudges():
 
 
 def test_learnt_dirt_is_ignored_where_it_reads_near_and_only_there():
-    eyes = ViewCache(CarSettings())
+    eyes = ViewCache(CAR)
     ranges_m, at = smudge(30, 0.3)
     dirty = np.zeros(BEAMS, bool)
     dirty[at : at + 30] = True
@@ -192,6 +172,6 @@ def test_learnt_dirt_is_ignored_where_it_reads_near_and_only_there():
 
 
 def test_one_scan_is_seen_once():
-    eyes, scan = ViewCache(CarSettings()), scan_of(room())
+    eyes, scan = ViewCache(CAR), scan_of(room())
     assert eyes.see(scan) is eyes.see(scan)
     assert eyes.see(scan_of(room())) is not eyes.see(scan)

@@ -5,20 +5,16 @@ from typing import Any
 
 import numpy as np
 
+from tests.runtime.control.scans import BEARING_RAD, CAR, SCAN_S, scan_of
 from tests.runtime.in_earnest import judged
-from wallride.drivers.api import Drive, MotorState, Scan
+from wallride.drivers.api import Drive, MotorState
 from wallride.runtime.control.recovery.way_out import Recovery
 from wallride.runtime.control.safety.swept import SweptGuard
 from wallride.runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
-from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.world.pose import CAR as OUTLINE
 from wallride.sim.world.pose import Pose
 from wallride.sim.world.segments import SegmentGeometry, box
 
-CAR = CarSettings()
-STEP_RAD = math.radians(0.25)
-BEARING_RAD = STEP_RAD * (np.arange(1081) - 540)
-SCAN_S = 0.025
 WAY = Drive(1.0, 0.0)
 
 
@@ -49,13 +45,9 @@ class Stage:
     def look(self):
         self.now_s += SCAN_S
         at = self.pose.ahead(CAR.lidar_x_m)
-        ranges_m = self.surroundings.cast(at.x_m, at.y_m, BEARING_RAD + self.pose.yaw_rad).astype(np.float32)
-        state = MotorState(
-            self.now_s, self.speed_mps, self.way_m, self.wheel_rad, 12.0, 0.0, 0.0, 20.0, "",
-            timed_out=False, killed=False,
-        )  # fmt: skip
-        scan = Scan(self.now_s, self.now_s, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0)
-        self.assessment = self.guard.look(scan, state)
+        ranges_m = self.surroundings.cast(at.x_m, at.y_m, BEARING_RAD + self.pose.yaw_rad)
+        state = MotorState(self.now_s, self.speed_mps, self.way_m, self.wheel_rad)
+        self.assessment = self.guard.look(scan_of(ranges_m, self.now_s), state)
         return state
 
     def step(self, wish=WAY, *, believed=True, toward_rad=math.nan):

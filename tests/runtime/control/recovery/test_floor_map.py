@@ -1,33 +1,26 @@
 """What a standing car knows of the floor: free where it looked or stood, blocked where something is, else unknown."""
 
 import cmath
-import math
 
 import numpy as np
 import pytest
 
-from wallride.drivers.api import Scan
+from tests.runtime.control.scans import BEARING_RAD, CAR, see
 from wallride.runtime.control.perception.obstacles.rear_memory import RememberedView
-from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.recovery.floor_map import CELL_M, HALF_CELLS, blocked_floor
 from wallride.runtime.control.safety.body import Body
 from wallride.runtime.control.safety.swept_settings import SweptSettings
-from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.world.segments import SegmentGeometry, box
 
-CAR = CarSettings()
 BARE = Body(SweptSettings(), CAR).bare
-STEP_RAD = math.radians(0.25)
-BEARING_RAD = STEP_RAD * (np.arange(1081) - 540)
 ROOM = SegmentGeometry(np.array([*box(0.0, 0.0, 12.0, 12.0), *box(1.0, 1.2, 0.6, 0.3), *box(-0.6, -1.0, 0.4, 0.4)]))
 
 
 def view(at, yaw_rad=0.0, surroundings=ROOM, told=None):
     """A view from a place of base_link, perhaps told to be from another one."""
     lidar = at + CAR.lidar_x_m * cmath.rect(1.0, yaw_rad)
-    ranges_m = surroundings.cast(lidar.real, lidar.imag, BEARING_RAD + yaw_rad).astype(np.float32)
-    scan = Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0)
-    return RememberedView(ViewCache(CAR).see(scan), at if told is None else told, yaw_rad)
+    ranges_m = surroundings.cast(lidar.real, lidar.imag, BEARING_RAD + yaw_rad)
+    return RememberedView(see(ranges_m), at if told is None else told, yaw_rad)
 
 
 def result(steps):

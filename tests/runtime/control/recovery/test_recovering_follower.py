@@ -1,12 +1,13 @@
 """A car that cannot go on says so where people look: in the reason of the decision, which the status quotes."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from wallride.drivers.api import Drive, MotorState, Scan
+from tests.runtime.control.recovery.stage import room
+from tests.runtime.control.scans import BEARING_RAD, CAR, SCAN_S, scan_of
+from wallride.drivers.api import Drive, MotorState
 from wallride.runtime.arbitration.command import DriveCommand, Output, Source, SpeedLimit, Verdict, arbitrate
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.laws import LiveLaws
@@ -14,15 +15,9 @@ from wallride.runtime.control.recovery.recovering_follower import RecoveringFoll
 from wallride.runtime.control.recovery.way_out import ASKS_AFTER_S, DISBELIEF, HELP, Recovery
 from wallride.runtime.control.safety.swept import SweptGuard
 from wallride.runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
-from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.settings.tree import Settings
 from wallride.runtime.telemetry.status import decision_fields
-from wallride.sim.world.segments import SegmentGeometry, box
 
-CAR = CarSettings()
-STEP_RAD = math.radians(0.25)
-BEARING_RAD = STEP_RAD * np.arange(-540.0, 541.0)
-SCAN_S = 0.025
 SAFETY, NAVIGATION = Source.SAFETY, Source.NAVIGATION
 
 
@@ -37,10 +32,7 @@ class Car:
     """A car that stands between boxes, its laws, and the mux's decision after each scan."""
 
     def __init__(self, *boxes, **settings):
-        places = (0.0, 0.0, 12.0, 12.0), *boxes
-        self.rooms = SegmentGeometry(
-            np.array([side for x, y, long, wide in places for side in box(x, y, long, wide, 0)])
-        )
+        self.rooms = room(*boxes)
         self.guard = SweptGuard(SweptSettings(), CAR)
         self.follower = RecoveringFollower(Straight(), self.guard, Recovery(RecoverySettings(**settings)))
         self.scans = 0
@@ -56,9 +48,8 @@ class Car:
     def look(self):
         self.scans += 1
         now_s = self.scans * SCAN_S
-        ranges_m = self.rooms.cast(CAR.lidar_x_m, 0.0, BEARING_RAD).astype(np.float32)
-        self.scan = Scan(now_s, now_s, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, self.scans)
-        self.motor = MotorState(now_s, 0.0, 0.0, 0.0, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)
+        self.scan = scan_of(self.rooms.cast(CAR.lidar_x_m, 0.0, BEARING_RAD), now_s, self.scans)
+        self.motor = MotorState(now_s, 0.0, 0.0, 0.0)
         return self.guard.look(self.scan, self.motor)
 
     def step(self):

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.runtime.control.recovery.stage import AHEAD, SCAN_S, WAY, Stage, room
+from tests.runtime.control.recovery.stage import AHEAD, WAY, Stage, room
+from tests.runtime.control.scans import SCAN_S
 from tests.runtime.in_earnest import judged
 from wallride.drivers.api import Drive
 from wallride.runtime.control.recovery.traffic import SETTLED_S

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from tests.runtime.control.scans import BEARING_RAD, scan_of
 from tests.runtime.in_earnest import is_same
-from wallride.drivers.api import Drive, Scan
+from wallride.drivers.api import Drive
 from wallride.new.pd_follower import PdFollower, PdSettings
 from wallride.runtime.control.own_laws.api import LawScan, LawState
 from wallride.runtime.control.report.laws import ReportFollower, ReportGuard, ReportTurn
@@ -14,12 +15,6 @@ from wallride.runtime.control.report.measures import mean_of_nearest_m, range_ah
 from wallride.runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.virtual.devices import BEAMS, STEP_RAD, ranges_between_walls
-
-BEARING_RAD = (np.arange(BEAMS) - BEAMS // 2) * STEP_RAD
-
-
-def scan_of(ranges_m):
-    return Scan(0.0, 0.0, float(BEARING_RAD[0]), STEP_RAD, 0.02, 30.0, ranges_m.astype(np.float32), 0)
 
 
 def wall_scan(distance_m, angle_rad=0.0, ahead_m=math.nan):

@@ -2,13 +2,9 @@
 
 import numpy as np
 
-from tests.runtime.control.safety.swept_scenes import CAR, SETTINGS
-from wallride.runtime.control.safety.emergency_manoeuvre import (
-    FULL_BRAKE,
-    EmergencyState,
-    candidates,
-    choose,
-)
+from tests.runtime.control.safety.swept_scenes import SETTINGS
+from tests.runtime.control.scans import CAR
+from wallride.runtime.control.safety.emergency_manoeuvre import FULL_BRAKE, EmergencyState, candidates, choose
 from wallride.runtime.control.safety.manoeuvre_rollout import RolloutStart, latency_path, roll_out
 from wallride.runtime.control.vehicle import GRAVITY_MPS2
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.runtime.control.safety.swept_scenes import CAR, Car, world
+from tests.runtime.control.safety.swept_scenes import Car, world
+from tests.runtime.control.scans import CAR
 from wallride.runtime.arbitration.promise import Promise
 from wallride.runtime.control.safety.manoeuvre_rollout import FRONT_SHARE
 

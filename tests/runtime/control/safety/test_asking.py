@@ -37,8 +37,7 @@ def assessments(seed, *wanted):
         ranges_m = ranges_between_walls(rng.uniform(0.5, 1.0), 1.0, max(0.4, ahead_m - way_m)).astype(np.float32)
         if rng.random() < 0.4:
             ranges_m[500 : 500 + rng.integers(20, 160)] = np.nan
-        state = MotorState(clock(), speed_mps, way_m, 0.0, 12.0, 0.0, 0.0, 25.0, "", timed_out=False, killed=False)
-        assessment = laws.look(scan_at(clock(), ranges_m), state)
+        assessment = laws.look(scan_at(clock(), ranges_m), MotorState(clock(), speed_mps, way_m, 0.0))
         yield assessment, rng
         judged(assessment, speed_mps, rng.uniform(-0.3, 0.3))
         laws.learn()

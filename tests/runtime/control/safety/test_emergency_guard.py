@@ -5,11 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from tests.runtime.control.safety.manoeuvre_scenes import (
-    GRIPS_MPS2,
-    LOCK_RAD,
-)
-from tests.runtime.control.safety.swept_scenes import CAR, FRONT_M, SETTINGS, Car, wall_at, world
+from tests.runtime.control.safety.manoeuvre_scenes import GRIPS_MPS2, LOCK_RAD
+from tests.runtime.control.safety.swept_scenes import FRONT_M, SETTINGS, Car, wall_at, world
+from tests.runtime.control.scans import CAR
 from tests.runtime.in_earnest import judged
 from wallride.runtime.control.safety import emergency
 from wallride.runtime.control.safety.footprint import Outline

@@ -15,7 +15,8 @@ from tests.runtime.control.safety.manoeuvre_scenes import (
     situation,
     start,
 )
-from tests.runtime.control.safety.swept_scenes import CAR, SETTINGS
+from tests.runtime.control.safety.swept_scenes import SETTINGS
+from tests.runtime.control.scans import CAR
 from wallride.runtime.control.safety.emergency_manoeuvre import (
     FULL_BRAKE,
     EmergencyState,

@@ -50,7 +50,7 @@ def scans(hz: float, beams: int, range_max_m: float, count: int = 6) -> list[Sca
 
 
 def motor(stamp_s: float) -> MotorState:
-    return MotorState(stamp_s, 0.5, 0.5 * stamp_s, 0.0, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False)
+    return MotorState(stamp_s, 0.5, 0.5 * stamp_s, 0.0)
 
 
 def guard_after(hz: float, beams: int, range_max_m: float) -> SweptGuard:

@@ -15,10 +15,8 @@ from tests.runtime.control.safety.manoeuvre_scenes import (
     situation,
     start,
 )
-from tests.runtime.control.safety.swept_scenes import CAR
-from wallride.runtime.control.safety.emergency_manoeuvre import (
-    Manoeuvre,
-)
+from tests.runtime.control.scans import CAR
+from wallride.runtime.control.safety.emergency_manoeuvre import Manoeuvre
 from wallride.runtime.control.safety.manoeuvre_rollout import STEP_S, distance_m, slide
 from wallride.runtime.control.vehicle import GRAVITY_MPS2
 from wallride.sim.car.vehicle import SpeedDemand, Vehicle, VehicleSettings

@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 from wallride.runtime.control.perception.motion.own_motion import DrivenPlace
-from wallride.runtime.control.safety.promise_record import (
-    KEPT_S,
-    LEAST_MARGIN_M,
-    LEFT,
-    NO_PROMISES,
-    TAKEN_BACK,
-)
+from wallride.runtime.control.safety.promise_record import KEPT_S, LEAST_MARGIN_M, LEFT, NO_PROMISES, TAKEN_BACK
 
 AHEAD_M = np.arange(0.0, 6.0, 0.1) + 0j
 

@@ -100,10 +100,9 @@ def test_a_command_that_is_faster_than_promised_is_judged_by_its_arc():
 
 def test_a_source_that_leaves_its_path_is_judged_by_its_arc_until_it_has_kept_others():
     car = Promising()
-    straight = 0.0
     for number in range(14):
         before = car.record
-        car.drive(OPEN, 2.0 - number * PERIOD_S * SPEED_MPS, wheel_rad=straight)
+        car.drive(OPEN, 2.0 - number * PERIOD_S * SPEED_MPS, wheel_rad=0.0)
         if car.record.reason:
             break
     assert before.refused == 0

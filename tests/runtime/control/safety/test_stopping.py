@@ -47,6 +47,14 @@ def test_braking_and_turning_share_the_grip():
 ROLLS_MPS2, SLIDES_MPS2 = GRAVITY_MPS2, 0.5 * GRAVITY_MPS2
 
 
+def told(*reports):
+    """Return the speed after reports of the wheels, one every 0.1 s from 0 s on."""
+    speed = SlidingSpeed(ROLLS_MPS2, SLIDES_MPS2)
+    for number, wheels_mps in enumerate(reports):
+        speed.update(wheels_mps, 0.1 * number)
+    return speed
+
+
 def test_locked_wheels_do_not_stop_a_car_at_once():
     speed = SlidingSpeed(ROLLS_MPS2, SLIDES_MPS2)
     assert speed.update(3.0, 10.0) == 3.0
@@ -58,24 +66,18 @@ def test_locked_wheels_do_not_stop_a_car_at_once():
 
 
 def test_wheels_that_are_as_fast_as_the_car_roll_again():
-    speed = SlidingSpeed(ROLLS_MPS2, SLIDES_MPS2)
-    speed.update(3.0, 0.0)
-    speed.update(0.0, 0.1)
-    speed.update(2.5, 0.2)
-    assert not speed.slides
+    assert not told(3.0, 0.0, 2.5).slides
 
 
 def test_a_car_that_rolls_is_believed_however_hard_it_brakes():
-    speed = SlidingSpeed(ROLLS_MPS2, SLIDES_MPS2)
-    speed.update(3.0, 0.0)
+    speed = told(3.0)
     assert speed.update(3.0 - 0.95 * ROLLS_MPS2 * 0.1, 0.1) == pytest.approx(3.0 - 0.95 * 0.981)
     assert not speed.slides
 
 
 def test_two_reports_between_two_scans_are_a_fall_of_twice_the_time():
     """A motor controller reports 50 times a second, and a lidar scans 40 times: 7 m/s2 is no slide."""
-    speed = SlidingSpeed(ROLLS_MPS2, SLIDES_MPS2)
-    speed.update(5.42, 0.0)
+    speed = told(5.42)
     assert speed.update(5.14, 0.025, 0.04) == 5.14
     assert not speed.slides
     assert speed.update(4.0, 0.05, 0.04) > 5.0, "but locked wheels fall faster"
@@ -83,31 +85,25 @@ def test_two_reports_between_two_scans_are_a_fall_of_twice_the_time():
 
 
 def test_a_gap_in_the_reports_hides_no_slide():
-    speed = SlidingSpeed(ROLLS_MPS2, SLIDES_MPS2)
-    speed.update(3.0, 0.0)
+    speed = told(3.0)
     speed.update(2.0, 0.025, 5.0)
     assert speed.slides
 
 
 def test_wheels_that_come_back_slowly_are_not_believed_before_they_are_as_fast():
-    speed = SlidingSpeed(ROLLS_MPS2, SLIDES_MPS2)
-    speed.update(3.0, 0.0)
-    speed.update(0.2, 0.1)
+    speed = told(3.0, 0.2)
     assert speed.update(0.9, 0.2) == pytest.approx(3.0 - 0.2 * SLIDES_MPS2)  # they are dragged, not rolling
     assert speed.slides
 
 
 def test_once_locked_the_wheels_have_to_be_as_fast_as_the_car():
-    speed = SlidingSpeed(ROLLS_MPS2, SLIDES_MPS2)
-    speed.update(3.0, 0.0)
-    speed.update(0.0, 0.1)
+    speed = told(3.0, 0.0)
     assert speed.update(1.8, 0.2) == pytest.approx(3.0 - 0.2 * SLIDES_MPS2)  # for rolling wheels a possible fall
     assert speed.slides
 
 
 def test_locked_wheels_in_reverse():
-    speed = SlidingSpeed(ROLLS_MPS2, SLIDES_MPS2)
-    speed.update(-1.0, 0.0)
+    speed = told(-1.0)
     assert speed.update(0.0, 0.05) == pytest.approx(-1.0 + 0.24525)
 
 
@@ -119,8 +115,6 @@ def test_a_clock_that_stands_or_jumps_back_lowers_nothing():
 
 
 def test_another_floor_while_sliding():
-    speed = SlidingSpeed(ROLLS_MPS2, SLIDES_MPS2)
-    speed.update(3.0, 0.0)
-    speed.update(0.0, 0.1)
+    speed = told(3.0, 0.0)
     speed.tune(ROLLS_MPS2, 1.0)
     assert speed.update(0.0, 0.2) == pytest.approx(3.0 - 0.4905 - 0.1)

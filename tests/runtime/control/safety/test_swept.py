@@ -5,14 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.runtime.control.safety.swept_scenes import (
-    FRONT_M,
-    REACTION_S,
-    Car,
-    judge,
-    wall_at,
-    world,
-)
+from tests.runtime.control.safety.swept_scenes import FRONT_M, REACTION_S, Car, judge, wall_at, world
 from tests.runtime.in_earnest import judged
 from wallride.runtime.control.safety import swept_path
 from wallride.runtime.control.safety.footprint import contact_on_arc

@@ -4,15 +4,7 @@ import math
 
 import pytest
 
-from tests.runtime.control.safety.swept_scenes import (
-    FRONT_M,
-    REACTION_S,
-    SETTINGS,
-    Car,
-    judge,
-    wall_at,
-    world,
-)
+from tests.runtime.control.safety.swept_scenes import FRONT_M, REACTION_S, SETTINGS, Car, judge, wall_at, world
 from tests.runtime.in_earnest import judged
 from wallride.runtime.control.safety.stopping import stopping_distance_m
 from wallride.runtime.control.vehicle import GRAVITY_MPS2

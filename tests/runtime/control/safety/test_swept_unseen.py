@@ -5,32 +5,19 @@ import math
 import numpy as np
 import pytest
 
-from tests.runtime.control.safety.swept_scenes import (
-    BEAMS,
-    CAR,
-    FRONT_M,
-    STEP_RAD,
-    Car,
-    judge,
-    wall_at,
-    world,
-)
+from tests.runtime.control.safety.swept_scenes import FRONT_M, Car, judge, wall_at, world
+from tests.runtime.control.scans import CAR, see
 from tests.runtime.in_earnest import judged
-from wallride.drivers.api import Scan
-from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.perception.visibility.no_return_regions import find_dark_regions
+from wallride.sim.virtual.devices import BEAMS
 
 
-def darkened(from_m, to_m, left_m, right_m, middle=540, half=60):
-    ranges_m = world()
-    ranges_m[middle - half : middle + half] = math.nan
-    ranges_m[middle + half :] = left_m
-    ranges_m[: middle - half] = right_m
-    return ranges_m[from_m:to_m]
+def darkened(left_m, right_m, half=60):
+    return np.repeat([right_m, math.nan, left_m], [540 - half, 2 * half, BEAMS - 540 - half])
 
 
 def test_an_enclosed_dark_patch_limits_the_speed():
-    verdict = judge(darkened(0, None, 2.0, 2.0), 3.0, speed_mps=3.0)
+    verdict = judge(darkened(2.0, 2.0), 3.0, speed_mps=3.0)
     assert (verdict.forward_mps, verdict.reason) == (1.0, "no information ahead")
 
 
@@ -38,29 +25,25 @@ def test_an_enclosed_dark_patch_limits_the_speed():
 def test_the_dark_end_of_a_corridor_or_a_corner_does_not(left_m, right_m):
     car = Car()
     for half in range(1, 60, 5):  # it comes into view
-        ranges_m = darkened(0, None, left_m, right_m, half=half)
+        ranges_m = darkened(left_m, right_m, half=half)
         ranges_m[480:600] = np.where(np.isfinite(ranges_m[480:600]), 28.0, np.nan)
         car.look(ranges_m, speed_mps=3.0)
-    assessment = car.look(darkened(0, None, left_m, right_m), speed_mps=3.0)
+    assessment = car.look(darkened(left_m, right_m), speed_mps=3.0)
     assert judged(assessment, 3.0, 0.0).forward_mps == math.inf
 
 
 def test_a_third_of_the_window_must_be_dark():
-    eyes = ViewCache(CAR)
     for dark_beams, dark in ((20, False), (30, True)):
-        ranges_m = np.full(BEAMS, 2.0, np.float32)
+        ranges_m = np.full(BEAMS, 2.0)
         ranges_m[540 : 540 + dark_beams] = np.nan
-        view = eyes.see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
-        assert find_dark_regions(view, 0.0, 3.0) == dark
+        assert find_dark_regions(see(ranges_m), 0.0, 3.0) == dark
 
 
 def test_where_the_lidar_does_not_look_nothing_is_dark():
-    ranges_m = np.full(BEAMS, 2.0, np.float32)
+    ranges_m = np.full(BEAMS, 2.0)
     ranges_m[300:700] = np.nan
-    view = ViewCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
-    assert find_dark_regions(view, 0.0, 3.0)
-    assert not find_dark_regions(view, -3.0, 3.0)
-    assert not find_dark_regions(view, 3.0, 3.0)
+    dark = [find_dark_regions(see(ranges_m), toward_rad, 3.0) for toward_rad in (-3.0, 0.0, 3.0)]
+    assert dark == [False, True, False]
 
 
 def test_a_covered_lidar_stops_the_car():

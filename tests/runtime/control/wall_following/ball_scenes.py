@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 
-from wallride.drivers.api import MotorState, Scan
+from tests.runtime.control import scans
+from tests.runtime.control.scans import CAR, SCAN_S
+from wallride.drivers.api import MotorState
 from wallride.runtime.control.perception.view import ViewCache
-from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.control.wall_following.ball import BallFollower
 from wallride.runtime.control.wall_following.ball_law import Aim, Steered, look_aheads_m, pursuit_steering
 from wallride.runtime.control.wall_following.ball_path import RADII_M, BallPath
@@ -15,15 +16,12 @@ from wallride.sim.world.beams import LidarSettings, true_ranges_m
 from wallride.sim.world.pose import Pose, Twist
 from wallride.sim.world.worlds import load_world
 
-CAR = CarSettings()
-STEP_RAD = math.radians(0.25)
-MOTOR = MotorState(0.0, 0.0, 0.0, 0.0, 11.1, 0.0, 0.0, 30.0, "", timed_out=False, killed=False)
+MOTOR = MotorState(0.0, 0.0, 0.0, 0.0)
 
 
 def scan_of(ranges_m, number=0, late_s=0.0):
-    stamp_s = 0.025 * number
-    ranges_m = np.where(np.isfinite(ranges_m), ranges_m, np.nan).astype(np.float32)
-    return Scan(stamp_s, stamp_s + late_s, -540 * STEP_RAD, STEP_RAD, 0.02, 30.0, ranges_m, number)
+    ranges_m = np.where(np.isfinite(ranges_m), ranges_m, np.nan)
+    return scans.scan_of(ranges_m, SCAN_S * number, number, late_s=late_s)
 
 
 def scan_in(name, x_m=0.0, y_m=0.0, yaw_rad=0.0, side="left", number=0, late_s=0.0):

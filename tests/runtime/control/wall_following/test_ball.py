@@ -6,12 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.runtime.control.wall_following.ball_scenes import (
-    MOTOR,
-    follower,
-    scan_in,
-    scan_of,
-)
+from tests.runtime.control.wall_following.ball_scenes import MOTOR, follower, scan_in, scan_of
 from wallride.runtime.control.wall_following.no_wall_policy import FADE_PER_SCAN, Lost
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.lab.courses.walls import case_of

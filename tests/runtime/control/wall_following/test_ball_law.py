@@ -6,14 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.runtime.control.wall_following.ball_scenes import (
-    MOTOR,
-    along,
-    arc,
-    follower,
-    scan_in,
-    scan_of,
-)
+from tests.runtime.control.wall_following.ball_scenes import MOTOR, along, arc, follower, scan_in, scan_of
 from wallride.runtime.control.wall_following.ball_drive import SLIPPING_SHARE
 from wallride.runtime.control.wall_following.ball_law import (
     ARC_M,

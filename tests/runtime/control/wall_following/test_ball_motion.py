@@ -6,12 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.runtime.control.wall_following.ball_scenes import (
-    CAR,
-    MOTOR,
-    follower,
-    scan_in,
-)
+from tests.runtime.control.scans import CAR
+from tests.runtime.control.wall_following.ball_scenes import MOTOR, follower, scan_in
 from wallride.runtime.control.perception.noise_bias import (
     FIRST_NOISE_M,
     MAX_ROUGHNESS_M,
@@ -20,9 +16,7 @@ from wallride.runtime.control.perception.noise_bias import (
     roughness_m,
 )
 from wallride.runtime.control.perception.view import ViewCache
-from wallride.runtime.control.wall_following.ball_law import (
-    approach_rad,
-)
+from wallride.runtime.control.wall_following.ball_law import approach_rad
 from wallride.runtime.control.wall_following.ball_path import Ball, roll_path
 from wallride.runtime.control.wall_following.followed_wall import FollowedWall, around, choose_wall, side_view
 from wallride.runtime.control.wall_following.prediction import (

@@ -5,9 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.runtime.control.wall_following.ball_scenes import (
-    places,
-)
+from tests.runtime.control.wall_following.ball_scenes import places
 from wallride.runtime.control.perception.geometry import Places
 from wallride.runtime.control.wall_following.ball import LANE_SHARE, half_ahead_m
 from wallride.runtime.control.wall_following.ball_path import RADII_M, Ball, BallPath, bend_of, circles_met, roll_ball

@@ -5,9 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from wallride.drivers.api import Scan
-from wallride.runtime.control.perception.view import ViewCache
-from wallride.runtime.control.vehicle import CarSettings
+from tests.runtime.control.scans import see
 from wallride.runtime.control.wall_following.followed_wall import bridge_glass, choose_wall, outline, side_view
 from wallride.runtime.control.wall_following.wall_fit import WallLine
 from wallride.sim.world.beams import LidarSettings, true_ranges_m
@@ -17,12 +15,6 @@ from wallride.sim.world.segments import SegmentGeometry
 from wallride.sim.world.worlds import load_world
 
 LIDAR = LidarSettings(noise_std_m=0.0)
-STEP_RAD = math.radians(0.25)
-
-
-def scan_of(ranges_m):
-    ranges_m = np.where(np.isfinite(ranges_m) & (ranges_m < 30), ranges_m, np.nan).astype(np.float32)
-    return Scan(0.0, 0.0, -540 * STEP_RAD, STEP_RAD, 0.02, 30.0, ranges_m, 0)
 
 
 def seen_in(walls, pose=None, side="left", silent=None):
@@ -36,7 +28,7 @@ def seen_in(walls, pose=None, side="left", silent=None):
     if silent is not None:
         bearing = np.linspace(-135, 135, 1081)
         ranges_m[(bearing >= silent[0]) & (bearing <= silent[1])] = np.nan
-    return side_view(ViewCache(CarSettings()).see(scan_of(ranges_m)), side)
+    return side_view(see(np.where(ranges_m < 30, ranges_m, np.nan)), side)
 
 
 def wall_of(seen, ball_m=1.0, expected=None, desired_m=1.0):

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from tests.runtime.control.corridor_following.course_scenes import report
-from tests.runtime.control.perception.motion.test_scan_matching import CAR, STEP_RAD, room
-from wallride.drivers.api import Scan
+from tests.runtime.control.perception.motion.test_scan_matching import room
+from tests.runtime.control.scans import CAR, see
 from wallride.runtime.control.perception.motion.own_motion import CARRIED_S, KEYFRAME_S, MatchedOdometry
-from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.tyres import Tyres
 
 TYRES = Tyres(CAR.wheelbase_m, 0.8, 4.7, 5.5)
 PERIOD_S = 0.025
-NOTHING = ViewCache(CAR).see(Scan(0.0, 0.0, -0.5, 0.01, 0.02, 30.0, np.full(101, np.nan, np.float32), 0))
+NOTHING = see(np.full(1081, np.nan))
 
 
 class Driven:
@@ -137,10 +136,9 @@ def test_a_scene_that_shows_no_turn_teaches_no_trim():
     car, ranges_m = Driven(speed_mps=2.0), np.full(1081, 9.0)
     for number in range(20):
         noisy_m = ranges_m + np.random.default_rng(number).normal(0.0, 0.01, 1081)
-        scan = Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, noisy_m.astype(np.float32), 0)
         car.now_s += PERIOD_S
         motion = car.odometry.look(car.now_s, car.motor())
-        car.odometry.learn(ViewCache(CAR).see(scan))
+        car.odometry.learn(see(noisy_m))
     assert motion.trim_rad == 0.0
 
 

@@ -1,18 +1,13 @@
 """Scan matching corrects heading and side of the odometry, and leaves to it what the scene does not show."""
 
-import math
-
 import numpy as np
 import pytest
 
+from tests.runtime.control.scans import BEARING_RAD, CAR, see
 from wallride.drivers.api import Scan
 from wallride.runtime.control.perception.motion.scan_matching import ScanPose, match, surfaces_of
 from wallride.runtime.control.perception.view import ViewCache
-from wallride.runtime.control.vehicle import CarSettings
-
-CAR = CarSettings()
-STEP_RAD = math.radians(0.25)
-BEARING_RAD = STEP_RAD * (np.arange(1081) - 540)
+from wallride.sim.virtual.devices import BEAMS, STEP_RAD
 
 
 def room(pose, *, half_width_m=1.0, ends_m=(-4.0, 6.0), noise_m=0.01, seed=1):
@@ -25,7 +20,7 @@ def room(pose, *, half_width_m=1.0, ends_m=(-4.0, 6.0), noise_m=0.01, seed=1):
         to_end = np.where(cos > 0, (ends_m[1] - at.real) / cos, (ends_m[0] - at.real) / cos)
     ranges_m = np.minimum(np.abs(to_side), np.abs(to_end)) + np.random.default_rng(seed).normal(0, noise_m, 1081)
     ranges_m[ranges_m > 25] = np.nan
-    return ViewCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m.astype(np.float32), 0))
+    return see(ranges_m)
 
 
 @pytest.mark.parametrize(("shift", "yaw_rad"), [(0.3 + 0.05j, 0.12), (0.2 - 0.1j, -0.2), (0j, 0.0)])
@@ -63,17 +58,14 @@ def test_along_a_bare_corridor_the_odometry_decides():
 def test_a_scene_that_does_not_fit_or_is_not_seen_corrects_nothing():
     before = surfaces_of(room((0, 0, 0)))
     assert match(room((0, 0, 0), half_width_m=2.0, ends_m=(-9.0, 12.0)), before, ScanPose()) is None
-    nothing = ViewCache(CAR).see(
-        Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, np.full(1081, np.nan, np.float32), 0)
-    )
+    nothing = see(np.full(BEAMS, np.nan))
     assert match(nothing, before, ScanPose()) is None
     assert match(room((0, 0, 0)), surfaces_of(nothing), ScanPose()) is None
 
 
 def test_a_round_room_shows_no_heading():
     """All ranges are alike: the car may have turned by any angle."""
-    ranges_m = np.full(1081, 3.0, np.float32)
-    view = ViewCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
+    view = see(np.full(BEAMS, 3.0))
     _, sure = match(view, surfaces_of(view), ScanPose())
     assert not sure
 
@@ -86,10 +78,9 @@ def test_a_single_wall_ahead_shows_no_motion_aside():
 
 def test_a_scene_that_fits_by_a_third_is_another_one():
     def half_open(from_beam, to_beam):
-        view = room((0, 0, 0))
-        ranges_m = view.scan.ranges_m.copy()
+        ranges_m = room((0, 0, 0)).scan.ranges_m.copy()
         ranges_m[from_beam:to_beam] *= 1.4
-        return ViewCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0))
+        return see(ranges_m)
 
     before = surfaces_of(room((0, 0, 0)))
     assert match(half_open(500, 620), before, ScanPose()) is not None

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from wallride.drivers.api import Scan
+from tests.runtime.control.scans import BEARING_RAD, CAR, SCAN_S, see
 from wallride.runtime.control.perception.geometry import NOWHERE
 from wallride.runtime.control.perception.motion.own_motion import DrivenPlace, OwnMotion
 from wallride.runtime.control.perception.motion.scan_matching import ScanPose
@@ -18,13 +18,7 @@ from wallride.runtime.control.perception.obstacles.moving_obstacles import (
     find_small_clusters,
 )
 from wallride.runtime.control.perception.odometry import OdometryState
-from wallride.runtime.control.perception.view import ViewCache
-from wallride.runtime.control.vehicle import CarSettings
 
-CAR = CarSettings()
-STEP_RAD = math.radians(0.25)
-BEARING_RAD = STEP_RAD * (np.arange(1081) - 540)
-SCAN_S = 0.025
 NO_PLACE = DrivenPlace(0.0, 0j, 1 + 0j, 0.0, 0.0)
 
 
@@ -36,10 +30,6 @@ def circle(x_m, y_m, radius_m=0.2):
     with np.errstate(invalid="ignore"):
         near = along - np.sqrt(radius_m**2 - aside**2)
     return np.where((np.abs(aside) < radius_m) & (along > 0), near, 9.0)
-
-
-def see(ranges_m):
-    return ViewCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m.astype(np.float32), 0))
 
 
 def watch(place, *, pose=lambda _: OdometryState(), scans=24, radius_m=0.2, noise_m=0.02):
@@ -88,8 +78,23 @@ def test_a_person_who_crosses_is_expected_in_the_way(sign):
     assert points.real == pytest.approx(1.85, abs=0.25)
 
 
-def test_who_stands_is_expected_nowhere_else():
-    assert watch(lambda _: (2.0, 0.8)).size == 0
+def rolling(speed_mps):
+    """Return the poses of a car that rolls straight on."""
+    return lambda now_s: OdometryState(speed_mps * now_s, 0.0, 0.0, speed_mps, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("place", "told_mps", "more"),
+    [
+        (lambda _: (2.0, 0.8), 0.0, {}),
+        (lambda now_s: (2.0 + 1.4 * now_s, 0.0), 0.0, {}),
+        (lambda now_s: (5.8 - 0.4 * now_s, 0.0), 0.9 * 4.0, {"scans": 30}),
+        (lambda _: (2.5, 0.8), 2.0, {"scans": 30, "radius_m": 0.05}),
+    ],
+    ids=["who stands", "who walks away", "by an odometry that is a tenth wrong", "what the car passes"],
+)
+def test_who_does_not_come_takes_no_room(place, told_mps, more):
+    assert watch(place, pose=rolling(told_mps), **more).size == 0
 
 
 def test_seven_scans_are_no_walk_however_fast():
@@ -110,22 +115,11 @@ def test_who_runs_is_expected_and_what_flies_is_not():
 
 @pytest.mark.parametrize("speed_mps", [0.0, 2.0, 4.0])
 def test_a_person_who_comes_toward_the_car_is_expected_nearer(speed_mps):
-    driving = {"pose": lambda now_s: OdometryState(speed_mps * now_s, 0.0, 0.0, speed_mps, 0.0)}
-    points = watch(lambda now_s: (5.5 - 1.5 * now_s, 0.1), scans=20, **driving)
+    points = watch(lambda now_s: (5.5 - 1.5 * now_s, 0.1), pose=rolling(speed_mps), scans=20)
     now_x = 5.5 - (1.5 + speed_mps) * 19 * SCAN_S - 0.2
     assert points.size > 0
     assert points.real.min() == pytest.approx(now_x - 1.5 * 0.9, abs=0.3)
     assert abs(points.imag).max() < 0.4
-
-
-def test_who_walks_away_takes_no_room():
-    assert watch(lambda now_s: (2.0 + 1.4 * now_s, 0.0)).size == 0
-
-
-def test_an_odometry_that_is_a_tenth_wrong_makes_nobody_walk():
-    crawls = {"pose": lambda now_s: OdometryState(0.9 * 4.0 * now_s, 0.0, 0.0, 0.9 * 4.0, 0.0)}
-    points = watch(lambda now_s: (5.8 - 0.4 * now_s, 0.0), scans=30, **crawls)
-    assert points.size == 0
 
 
 def slide(walking_mps, scans=16):
@@ -151,14 +145,8 @@ def test_who_crosses_is_not_forgotten_while_the_wheels_are_locked():
     assert points.imag.min() < 1.6 - 1.4 * 35 * SCAN_S - 1.0
 
 
-def test_what_the_car_passes_does_not_walk():
-    driving = {"pose": lambda now_s: OdometryState(2.0 * now_s, 0.0, 0.0, 2.0, 0.0)}
-    assert watch(lambda _: (2.5, 0.8), scans=30, radius_m=0.05, **driving).size == 0
-
-
 def test_a_walker_is_seen_from_a_driving_car_too():
-    driving = {"pose": lambda now_s: OdometryState(1.0 * now_s, 0.0, 0.0, 1.0, 0.0)}
-    points = watch(lambda now_s: (3.0, 1.5 - 1.4 * now_s), **driving)
+    points = watch(lambda now_s: (3.0, 1.5 - 1.4 * now_s), pose=rolling(1.0))
     assert points.size > 0
     assert points.imag.min() < -0.3
 

@@ -1,28 +1,20 @@
 """Track of one object: how soon its speed is known, and what counts as motion."""
 
-import math
-
 import numpy as np
 import pytest
 
-from wallride.drivers.api import Scan
+from tests.runtime.control.scans import SCAN_S, see
 from wallride.runtime.control.perception.obstacles.obstacle_track import (
     MAX_SPEED_MPS,
     MotionBounds,
     ObstacleTrack,
     ScanLook,
 )
-from wallride.runtime.control.perception.view import ViewCache
-from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.virtual.devices import BEAMS
 
-STEP_RAD = math.radians(0.25)
-SCAN_S = 0.025
 BOUNDS = MotionBounds(0.4, 0.3, 0.0, (0.2, 8), (0.1, 6), 1.0)
-EMPTY = ViewCache(CarSettings()).see(
-    Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, np.full(1081, 9.0, np.float32), 0)
-)
+LOOK = ScanLook(see(np.full(BEAMS, 9.0)), 0j, 1 + 0j)
 """A hall whose walls are 9 m away: every place before them is free."""
-LOOK = ScanLook(EMPTY, 0j, 1 + 0j)
 
 
 def track_of(speeds_mps, *, at_m=3 - 0.5j, width_m=0.3, noise_m=0.0, bounds=BOUNDS, look=LOOK):
@@ -102,12 +94,8 @@ def test_the_way_is_measured_from_a_place_of_the_last_second():
 
 
 def test_a_place_that_was_occupied_before_or_still_is_shows_no_motion():
-    ranges_m = np.full(1081, 9.0, np.float32)
+    ranges_m = np.full(BEAMS, 9.0)
     ranges_m[480:600] = 2.73  # a wall 3 m before the rear axle
-    wall = ScanLook(
-        ViewCache(CarSettings()).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0)),
-        0j,
-        1 + 0j,
-    )
+    wall = ScanLook(see(ranges_m), 0j, 1 + 0j)
     assert track_of([0.8j] * 12, at_m=3 - 0.2j, width_m=0.2).moves
     assert not track_of([0.8j] * 12, at_m=3 - 0.2j, width_m=0.2, look=wall).moves

@@ -1,20 +1,15 @@
 """What counts as backing blindly: everything but the car's own track of a moment ago, and not much of that."""
 
-import math
-
 import numpy as np
 import pytest
 
-from wallride.drivers.api import Scan
+from tests.runtime.control.scans import CAR, scan_of
 from wallride.runtime.control.perception.geometry import Places
 from wallride.runtime.control.perception.motion.scan_matching import ScanPose
 from wallride.runtime.control.perception.obstacles.rear_memory import TRACK_FOR_S, TRACK_M, RearMemory
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.view import ViewCache
-from wallride.runtime.control.vehicle import CarSettings
-
-CAR = CarSettings()
-STEP_RAD = math.radians(0.25)
+from wallride.sim.virtual.devices import BEAMS
 
 
 class Rolling:
@@ -31,9 +26,7 @@ class Rolling:
             self.x_m += way_m / steps
             self.now_s += 0.05
             self.behind.move(OdometryState(self.x_m, y_m, yaw_rad), way_m / steps)
-            ranges_m = np.full(1081, 2.0, np.float32)
-            scan = Scan(self.now_s, self.now_s, -STEP_RAD * 540, STEP_RAD, 0.02, 30.0, ranges_m, 0)
-            self.behind.keep(self.eyes.see(scan))
+            self.behind.keep(self.eyes.see(scan_of(np.full(BEAMS, 2.0), self.now_s)))
         return self.behind.backed_m
 
 

@@ -6,16 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.runtime.control import scans
+from tests.runtime.control.scans import CAR, MIDDLE, SCAN_S
 from wallride.drivers.api import Scan
 from wallride.runtime.control.perception.geometry import ENOUGH_POINTS
 from wallride.runtime.control.perception.obstacles.thin_obstacles import SCANS, ThinObstacles
 from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.view import ViewCache
-from wallride.runtime.control.vehicle import CarSettings
-
-CAR = CarSettings()
-STEP_RAD = math.radians(0.25)
-SCAN_S = 0.025
+from wallride.sim.virtual.devices import BEAMS, STEP_RAD
 
 
 def see(x_m=math.nan, y_m=0.0, wild=(), from_m=0.02):
@@ -23,13 +21,13 @@ def see(x_m=math.nan, y_m=0.0, wild=(), from_m=0.02):
 
     from_m: the nearest distance that the lidar measures.
     """
-    ranges_m = np.full(1081, 9.0, np.float32)
+    ranges_m = np.full(BEAMS, 9.0)
     if not math.isnan(x_m):
         dx = x_m - CAR.lidar_x_m
-        ranges_m[540 + round(math.atan2(y_m, dx) / STEP_RAD)] = math.hypot(dx, y_m)
+        ranges_m[MIDDLE + round(math.atan2(y_m, dx) / STEP_RAD)] = math.hypot(dx, y_m)
     for beam, range_m in wild:
         ranges_m[beam] = range_m
-    return ViewCache(CAR).see(Scan(0.0, 0.0, -STEP_RAD * 540, STEP_RAD, from_m, 30.0, ranges_m, 0))
+    return scans.see(ranges_m, from_m=from_m)
 
 
 def watch(places, pose=lambda _: OdometryState()):
@@ -58,19 +56,29 @@ def test_it_may_be_missed_once_but_not_twice():
     assert watch([pole, pole, pole, pole, None]).size == 0
 
 
-def test_two_poles_do_not_count_for_each_other():
+def by_beams(hits):
+    """Return the points after scans with these returns, (beam, range) each."""
     faint = ThinObstacles()
-    for step, wild in enumerate([[(545, 3.0)], [(590, 3.0)], [(545, 3.0)], [(590, 3.0)], [(545, 3.0), (590, 3.0)]]):
+    for step, wild in enumerate(hits):
         points = faint.update(see(wild=wild), OdometryState(), step * SCAN_S)
-    assert points.size == 0
+    return points
 
 
-def test_two_returns_of_one_scan_are_not_two_scans():
-    faint = ThinObstacles()
-    for step in range(SCANS):
-        both = [(545, 3.0), (547, 3.0)] if step in {2, 4} else []
-        points = faint.update(see(wild=both), OdometryState(), step * SCAN_S)
-    assert points.size == 0
+ONE, OTHER = (545, 3.0), (590, 3.0)
+
+
+@pytest.mark.parametrize(
+    "hits",
+    [
+        [[ONE], [OTHER], [ONE], [OTHER], [ONE, OTHER]],
+        [[], [], [ONE, (547, 3.0)], [], [ONE, (547, 3.0)]],
+        [[*((beam, 1.5) for beam in range(500, 545)), (545, 1.75), (546, 2.0)]] * SCANS,
+        [[ONE, (546, 3.0), (547, 3.0)]] * SCANS,
+    ],
+    ids=["two poles", "two returns of one scan", "the edge of a wall", "what three beams meet, others see"],
+)
+def test_what_is_no_thin_thing(hits):
+    assert by_beams(hits).size == 0
 
 
 def test_noise_of_the_distance_is_allowed_and_none_aside():
@@ -120,10 +128,8 @@ def test_after_a_hole_in_the_scans_it_begins_anew():
 
 def test_a_wild_beam_in_a_pole_does_not_hide_it():
     """Three beams make it a thing; when one of them is wild, the other two know it from the scans before."""
-    faint = ThinObstacles()
     whole = [(545, 1.4), (546, 1.4), (547, 1.4)]
-    for step, wild in enumerate([whole] * (SCANS - 1) + [[(545, 1.4), (546, 6.0), (547, 1.4)]]):
-        points = faint.update(see(wild=wild), OdometryState(), step * SCAN_S)
+    points = by_beams([whole] * (SCANS - 1) + [[(545, 1.4), (546, 6.0), (547, 1.4)]])
     assert points.size == 2 + 3 * (SCANS - 1)
     assert abs(points - (CAR.lidar_x_m + 1.4)).max() < 0.06
 
@@ -140,21 +146,6 @@ def test_whichever_beam_of_a_thin_thing_is_wild_enough_of_it_is_left(beams, rang
             points = faint.update(view, OdometryState(), step * SCAN_S)
         there = np.count_nonzero(view.solid & (view.ranges_m < 3.0)) + points.size
         assert there >= ENOUGH_POINTS, f"beam {wild} of {beams}"
-
-
-def test_the_edge_of_a_wall_is_no_thin_thing():
-    faint = ThinObstacles()
-    for step in range(SCANS):
-        wall = [(beam, 1.5) for beam in range(500, 545)] + [(545, 1.75), (546, 2.0)]
-        points = faint.update(see(wild=wall), OdometryState(), step * SCAN_S)
-    assert points.size == 0
-
-
-def test_what_three_beams_meet_is_no_business_of_this():
-    faint = ThinObstacles()
-    for step in range(SCANS):
-        points = faint.update(see(wild=[(545, 3.0), (546, 3.0), (547, 3.0)]), OdometryState(), step * SCAN_S)
-    assert points.size == 0
 
 
 def test_a_beam_that_is_known_to_be_dirty_makes_no_thing():

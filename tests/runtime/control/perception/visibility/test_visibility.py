@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.runtime.control.scans import BEARING_RAD, CAR, SCAN_S, scan_of
 from tests.runtime.in_earnest import judged
 from wallride.drivers.api import MotorState, Scan
 from wallride.runtime.control.perception.odometry import OdometryState
@@ -14,10 +15,11 @@ from wallride.runtime.control.perception.visibility.unknown_regions import CRAWL
 from wallride.runtime.control.perception.visibility.visibility import Visibility, crosses_within
 from wallride.runtime.control.safety.swept import SweptGuard
 from wallride.runtime.control.safety.swept_settings import SweptSettings
-from wallride.runtime.control.vehicle import CarSettings
+from wallride.sim.virtual.devices import BEAMS
+from wallride.sim.world.pose import Pose
+from wallride.sim.world.segments import SegmentGeometry
 
-CAR = CarSettings()
-BEARING_DEG = np.linspace(-135.0, 135.0, 1081)
+BEARING_DEG = np.linspace(-135.0, 135.0, BEAMS)
 CORRIDOR = ((-5.0, 1.0, 55.0, 1.0), (-5.0, -1.0, 55.0, -1.0))
 BLOCKED = (*CORRIDOR, (8.0, 1.0, 8.0, -1.0))
 CORNER = ((-5.0, 1.0, 3.5, 1.0), (3.5, 1.0, 3.5, 20.0))
@@ -26,16 +28,9 @@ RANGE_M = 28.0
 
 def ranges(walls_m, x_m=0.0, y_m=0.0, yaw_rad=0.0):
     """Return what a lidar sees of walls (x0, y0, x1, y1) from a pose of base_link; NaN beyond its range."""
-    at = complex(x_m, y_m) + CAR.lidar_x_m * np.exp(1j * yaw_rad)
-    beam = np.exp(1j * (np.radians(BEARING_DEG) + yaw_rad))
-    nearest_m = np.full(beam.size, np.inf)
-    for x0, y0, x1, y1 in walls_m:
-        way, off = complex(x1 - x0, y1 - y0), complex(x0, y0) - at
-        with np.errstate(divide="ignore", invalid="ignore"):
-            cross = (beam.conj() * way).imag
-            range_m, share = (off.conjugate() * way).imag / cross, (off.conjugate() * beam).imag / cross
-        nearest_m = np.where((range_m > 0) & (share >= 0) & (share <= 1), np.minimum(nearest_m, range_m), nearest_m)
-    return np.where(nearest_m < RANGE_M, nearest_m, np.nan)
+    at = Pose(x_m, y_m, yaw_rad).ahead(CAR.lidar_x_m)
+    ranges_m = SegmentGeometry(np.array(walls_m)).cast(at.x_m, at.y_m, BEARING_RAD + yaw_rad)
+    return np.where(ranges_m < RANGE_M, ranges_m, np.nan)
 
 
 def covered(ranges_m, from_deg, to_deg, reads_m=math.nan):
@@ -49,12 +44,9 @@ class Lidar:
         self.eyes, self.visibility, self.now_s = ViewCache(CAR), Visibility(CAR), 10.0
 
     def look(self, ranges_m, x_m=0.0, yaw_rad=0.0, *, dirty=None):
-        self.now_s += 0.025
+        self.now_s += SCAN_S
         self.eyes.ignore(dirty)
-        step_rad = math.radians(0.25)
-        sent_m = np.asarray(ranges_m, np.float32)
-        scan = Scan(self.now_s, self.now_s, -540 * step_rad, step_rad, 0.02, 30.0, sent_m, 0)
-        self.visibility.look(self.eyes.see(scan), OdometryState(x_m, 0.0, yaw_rad))
+        self.visibility.look(self.eyes.see(scan_of(ranges_m, self.now_s)), OdometryState(x_m, 0.0, yaw_rad))
         self.visibility.learn()
         return self.visibility
 
@@ -231,15 +223,10 @@ class Safety:
         self.guard, self.now_s, self.way_m = SweptGuard(SweptSettings(), CAR), 10.0, 0.0
 
     def limit(self, ranges_m, speed_mps, wanted_mps=2.0):
-        self.now_s += 0.025
-        self.way_m += 0.025 * speed_mps
-        motor = MotorState(
-            self.now_s, speed_mps, self.way_m, 0.0, 12.0, 0.0, 0.0, 20.0, "", timed_out=False, killed=False
-        )
-        step_rad = math.radians(0.25)
-        sent_m = np.asarray(ranges_m, np.float32)
-        scan = Scan(self.now_s, self.now_s, -540 * step_rad, step_rad, 0.02, 30.0, sent_m, 0)
-        return judged(self.guard.look(scan, motor), wanted_mps, 0.0)
+        self.now_s += SCAN_S
+        self.way_m += SCAN_S * speed_mps
+        motor = MotorState(self.now_s, speed_mps, self.way_m, 0.0)
+        return judged(self.guard.look(scan_of(ranges_m, self.now_s), motor), wanted_mps, 0.0)
 
 
 @pytest.mark.parametrize("reads_m", [0.03, 0.085, 0.12, 0.14])
