@@ -18,8 +18,8 @@ import pytest
 os.environ["WALLRIDE_COMPILED"] = "0"
 
 from tests.compiled_laws import import_laws, put_in_place
-from tests.runtime.control.localization.rooms import ring
-from tests.runtime.control.localization.test_localizer import BOXES, CORNER
+from tests.runtime.control.localization.rooms import BOXES, ring
+from tests.runtime.control.localization.test_localizer import CORNER
 from tests.runtime.kernel.sameness import Drive, ranges
 from wallride.drivers import accelerated
 from wallride.drivers.accelerated import FUNCTIONS

@@ -25,7 +25,7 @@ def test_it_turns_back_and_drives_on_along_the_line(room, field):
     course = RaceCourse("ring", field, Localizer(field, settings.car, start), line)
     laws = LawStack(settings.wall_follow, settings.safety, settings.car, course=course)
     world = World("ring", room.geometry, Pose(*start), "right")
-    run = drive(Case(world, duration_s=45.0, seed=910002, car=settings.car), laws.follower, laws.judge)
+    run = drive(Case(world, duration_s=30.0, seed=910002, car=settings.car), laws.follower, laws.judge)
     assert run.contact is None
     assert TURNS in run.reasons
     assert run.reasons[-1] == DRIVES

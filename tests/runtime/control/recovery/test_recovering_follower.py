@@ -1,5 +1,6 @@
 """A car that cannot go on says so where people look: in the reason of the decision, which the status quotes."""
 
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -68,6 +69,19 @@ class Car:
 CAGE = (0.7, 0.0, 0.4, 1.4), (0.1, 0.36, 1.4, 0.3), (0.1, -0.36, 1.4, 0.3)
 
 
+@pytest.fixture(scope="module")
+def _waited():
+    car = Car(*CAGE)
+    car.go(4.0)
+    return car
+
+
+@pytest.fixture
+def caged(_waited):
+    """Return a car that has asked for help in a cage."""
+    return deepcopy(_waited)
+
+
 def test_boxed_in_without_a_way_out_reaches_the_status():
     car = Car(*CAGE)
     first, *_, last = car.go(4.0)
@@ -78,36 +92,28 @@ def test_boxed_in_without_a_way_out_reaches_the_status():
     assert fields["measure"] == pytest.approx(0.05, abs=0.04), "and how far away what is ahead is"
 
 
-def test_between_a_scan_and_its_answer_the_words_are_the_same():
+def test_between_a_scan_and_its_answer_the_words_are_the_same(caged):
     """The mux may decide in between; a reason that changes to and fro would be an event eighty times a second."""
-    car = Car(*CAGE)
-    car.go(4.0)
-    assessment = car.look()
-    car.word = replace(car.word, scan_stamp_s=None)
-    assert car.decide(assessment).reason == HELP
+    assessment = caged.look()
+    caged.word = replace(caged.word, scan_stamp_s=None)
+    assert caged.decide(assessment).reason == HELP
 
 
-def test_a_human_who_drives_a_boxed_in_car_reads_what_is_in_the_way():
-    car = Car(*CAGE)
-    car.go(4.0)
-    car.word = DriveCommand(Source.TELEOP, car.word.drive, None, "pad drives")
-    assert car.decide(car.look()).reason == "boxed in"
+def test_a_human_who_drives_a_boxed_in_car_reads_what_is_in_the_way(caged):
+    caged.word = DriveCommand(Source.TELEOP, caged.word.drive, None, "pad drives")
+    assert caged.decide(caged.look()).reason == "boxed in"
 
 
-def test_a_stuck_driver_hides_no_other_reason_of_safety():
-    car = Car(*CAGE)
-    car.go(4.0)
+def test_a_stuck_driver_hides_no_other_reason_of_safety(caged):
     late = Verdict(0.0, 0.0, "the scan is too old")
-    assert car.decide(late).reason == "the scan is too old"
+    assert caged.decide(late).reason == "the scan is too old"
 
 
-def test_when_the_way_is_free_again_nobody_asks_for_help():
-    car = Car(*CAGE)
-    car.go(4.0)
-    car.rooms = Car().rooms
-    car.go(1.0)
-    car.rooms = Car(*CAGE).rooms
-    assert car.step().reason == "boxed in"
+def test_when_the_way_is_free_again_nobody_asks_for_help(caged):
+    cage, caged.rooms = caged.rooms, Car().rooms
+    caged.go(1.0)
+    caged.rooms = cage
+    assert caged.step().reason == "boxed in"
 
 
 @pytest.mark.parametrize("stood_s", np.arange(2.1, 2.7, 0.1))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.runtime.control.recovery.stage import AHEAD, WAY, Stage, room
+from tests.runtime.control.recovery.stage import AHEAD, WAY, Stage, boxed_in, room
 from tests.runtime.control.scans import SCAN_S
 from tests.runtime.in_earnest import judged
 from wallride.drivers.api import Drive
@@ -19,7 +19,7 @@ from wallride.sim.world.segments import SegmentGeometry, box
 
 
 def test_patience_first():
-    stage = Stage(AHEAD).drive_up()
+    stage = boxed_in()
     at_m = stage.way_m
     stage.go(1.8)
     assert stage.said == ["waiting for the way to clear"]
@@ -27,7 +27,7 @@ def test_patience_first():
 
 
 def test_a_person_who_walks_on_costs_no_manoeuvre():
-    stage = Stage(AHEAD).drive_up()
+    stage = boxed_in()
     stage.go(1.5)
     stage.surroundings = room()
     stage.go(1.2)  # a hard stop is held for a moment
@@ -60,15 +60,15 @@ def wait(stage, monkeypatch, *episodes):
 
 def test_noise_at_the_edge_does_not_make_patience_begin_anew(monkeypatch):
     """Now and then a scan or five say that the way is free; the car does not get going on that."""
-    assert wait(Stage(AHEAD).drive_up(), monkeypatch, *[(0.5, True, 0.0), (0.125, False, 0.0)] * 3, (0.5, True, 0.0))
+    assert wait(boxed_in(), monkeypatch, *[(0.5, True, 0.0), (0.125, False, 0.0)] * 3, (0.5, True, 0.0))
 
 
 def test_patience_begins_anew_when_the_way_was_free_for_a_moment(monkeypatch):
-    assert not wait(Stage(AHEAD).drive_up(), monkeypatch, (1.8, True, 0.0), (0.35, False, 0.0), (1.0, True, 0.0))
+    assert not wait(boxed_in(), monkeypatch, (1.8, True, 0.0), (0.35, False, 0.0), (1.0, True, 0.0))
 
 
 def test_patience_begins_anew_when_the_car_got_going(monkeypatch):
-    assert not wait(Stage(AHEAD).drive_up(), monkeypatch, (1.8, True, 0.0), (0.1, False, 0.3), (1.0, True, 0.0))
+    assert not wait(boxed_in(), monkeypatch, (1.8, True, 0.0), (0.1, False, 0.3), (1.0, True, 0.0))
 
 
 def free(stage):
@@ -77,7 +77,7 @@ def free(stage):
 
 
 def test_backs_out_turns_out_and_hands_the_wheel_back_without_a_touch():
-    stage = Stage(AHEAD).drive_up()
+    stage = boxed_in()
     least_m = stage.manoeuvres(free)
     assert stage.said[0] == "waiting for the way to clear"
     assert set(stage.said[1:]) == {"backing out, try 1 of 6", "turning out, try 1 of 6"}
@@ -100,7 +100,7 @@ def test_no_leg_counts_on_more_steering_than_the_servo_has_to_either_side():
 
 
 def test_wheels_turn_before_the_car_moves():
-    stage = Stage(AHEAD).drive_up()
+    stage = boxed_in()
     at_m, advice = stage.way_m, NO_ADVICE
     while advice.drive is None:
         advice = stage.step()
@@ -139,7 +139,7 @@ def test_a_car_that_never_saw_what_is_behind_it_does_not_back():
 
 
 def test_does_not_back_on_an_odometry_that_is_not_believed():
-    stage = Stage(AHEAD).drive_up()
+    stage = boxed_in()
     at_m = stage.way_m
     for _ in range(round(8 / SCAN_S)):
         stage.step(believed=False)
@@ -148,7 +148,7 @@ def test_does_not_back_on_an_odometry_that_is_not_believed():
 
 
 def test_odometry_that_ceases_to_be_believed_ends_a_manoeuvre():
-    stage = Stage(AHEAD).drive_up()
+    stage = boxed_in()
     stage.manoeuvres(lambda stage: stage.speed_mps < 0.0)
     at_m = stage.way_m
     for _ in range(round(3 / SCAN_S)):
@@ -194,14 +194,14 @@ def test_tries_are_counted_anew_farther_on():
 
 @pytest.mark.parametrize("wish", [None, Drive(0.0, 0.0), Drive(-0.5, 0.0)])
 def test_a_driver_who_does_not_want_ahead_is_left_alone(wish):
-    stage = Stage(AHEAD).drive_up()
+    stage = boxed_in()
     stage.manoeuvres(lambda stage: stage.speed_mps < 0.0)
     assert stage.step(wish) == NO_ADVICE
     assert stage.step(WAY).drive is None
 
 
 def test_a_new_obstacle_ends_a_leg():
-    stage = Stage(AHEAD).drive_up()
+    stage = boxed_in()
     stage.manoeuvres(lambda stage: stage.last.startswith("turning") and stage.speed_mps > 0.0)
     ahead = stage.pose.ahead(0.75)
     stage.surroundings = SegmentGeometry(np.array([*box(ahead.x_m, ahead.y_m, 0.3, 3.0, stage.pose.yaw_rad)]))
@@ -213,7 +213,7 @@ def test_a_new_obstacle_ends_a_leg():
 
 def test_a_move_that_safety_refuses_is_not_planned_again(monkeypatch):
     """Something in the map's noise makes the search go where safety does not: the next way begins otherwise."""
-    stage = Stage(AHEAD).drive_up()
+    stage = boxed_in()
     stage.manoeuvres(lambda stage: stage.last.startswith("backing") and stage.moves)
     first = stage.advice.drive
     judge = type(stage.assessment).judge
@@ -233,7 +233,7 @@ def test_a_move_that_safety_refuses_is_not_planned_again(monkeypatch):
 
 def test_a_car_that_sees_nothing_is_not_boxed_in():
     """Safety says what is wrong; nothing plans a way out, and nothing talks of walls."""
-    stage = Stage(AHEAD).drive_up()
+    stage = boxed_in()
     stage.surroundings = SegmentGeometry(np.array([[50.0, 50.0, 51.0, 50.0]]))
     stage.go(3.0)
     assert judged(stage.assessment, 1.0, 0.0).reason == "the lidar sees almost nothing: uncover or clean it"
@@ -248,7 +248,7 @@ def test_without_a_motor_report_nothing_is_begun():
 
 def test_what_can_wait_is_thought_once_for_each_scan():
     """Whether the answer's way leaves time for it or not, the same scans find the same way."""
-    early, late = Stage(AHEAD).drive_up(), Stage(AHEAD).drive_up()
+    early, late = boxed_in(), boxed_in()
     for _ in range(round(6 / SCAN_S)):
         early.step()
         early.recovery.think()
@@ -271,7 +271,7 @@ def walk(stage, *places, mps=1.0):
 
 
 def test_does_not_back_while_what_came_up_may_stand_behind_unseen():
-    stage = Stage(AHEAD).drive_up()
+    stage = boxed_in()
     at_m = stage.way_m
     walk(stage, (1.0, 2.0), (-0.5, 1.2), (-0.7, 0.0))
     since_s = stage.now_s
@@ -285,7 +285,7 @@ def test_does_not_back_while_what_came_up_may_stand_behind_unseen():
 
 
 def test_what_stands_in_sight_after_it_moved_is_an_obstacle_like_any_other():
-    stage = Stage(AHEAD).drive_up()
+    stage = boxed_in()
     walk(stage, (2.0, 2.5), (1.0, 1.5))
     since_s = stage.now_s
     stage.manoeuvres(lambda stage: stage.moves, 10.0)
@@ -293,7 +293,7 @@ def test_what_stands_in_sight_after_it_moved_is_an_obstacle_like_any_other():
 
 
 def test_does_not_set_about_it_while_something_passes():
-    stage = Stage(AHEAD).drive_up()
+    stage = boxed_in()
     at_m = stage.way_m
     for _ in range(3):
         walk(stage, (-0.2, 1.5), (2.5, 1.5), (2.5, 2.5), (-0.2, 2.5))
@@ -302,7 +302,7 @@ def test_does_not_set_about_it_while_something_passes():
 
 
 def test_what_comes_up_while_the_car_backs_ends_the_manoeuvre():
-    stage = Stage(AHEAD).drive_up()
+    stage = boxed_in()
     stage.manoeuvres(lambda stage: stage.speed_mps < 0.0)
     at_m = stage.way_m
     walk(stage, (1.5, 2.0), (-0.2, 2.0), mps=2.0)
