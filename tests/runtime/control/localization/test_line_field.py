@@ -5,6 +5,7 @@ import pytest
 
 from tests.runtime.control.localization.rooms import CELL_M, Room, ring
 from wallride.runtime.control.localization.line_field import NOWHERE_M, field_of_cells, line_field
+from wallride.runtime.control.localization.place_search import mean_nearness
 from wallride.runtime.control.localization.wall_points import MapCells, WallPoints, lines_through
 
 
@@ -75,3 +76,9 @@ def test_one_point_far_off_is_told_as_too_large_a_map_before_memory_is_asked_for
     points = WallPoints(np.array([0j, complex(far_m, far_m)]), np.array([1.0 + 0j, 1.0 + 0j]))
     with pytest.raises(ValueError, match="is too large"):
         line_field(points, room)
+
+
+def test_the_nearness_of_a_cell_is_the_mean_at_the_ends_of_its_beams_and_a_corners_off_the_map():
+    nearness = np.array([0.5, 0.0, 1.0, 0.25], np.float32)
+    assert mean_nearness(nearness, np.array([0, 1, 3]), np.array([1, 2])).tolist() == [0.5, 0.625, 0.25]
+    assert mean_nearness(nearness, np.array([0]), np.array([], np.int64)).tolist() == [0.0]

@@ -47,6 +47,17 @@ def test_a_scan_takes_a_pose_to_the_true_one(room, field, pose):
     assert math.sqrt(filter_.covariance[0, 0]) < 0.02
 
 
+def test_a_pose_farther_off_than_its_doubt_is_taken_there_by_some_scans(room, field):
+    """The steps of one scan do not settle it."""
+    pose = (9.6, 0.2, 0.4)
+    filter_ = placed(field, pose, (0.3, -0.3, 0.25), std_rad=0.05)
+    filter_.correct(points(room, pose))
+    assert abs(filter_.state[0] - pose[0]) > 0.02
+    for number in range(1, 6):
+        filter_.correct(points(room, pose, seed=number))
+    assert filter_.state[:3] == pytest.approx(pose, abs=0.01)
+
+
 def test_people_over_half_of_the_view_do_not_move_the_pose(room, field):
     pose = (9.6, 0.2, 0.4)
     people = among_people(room.scan(pose, noise_m=0.01), 0.7)
