@@ -21,6 +21,12 @@ class Emulated:
     def connected(self):
         return self.device.connected
 
+    async def unplug(self):
+        self.device.unplug()
+
+    async def replug(self):
+        self.device.replug()
+
     async def close(self):
         self.device.close()
         shutil.rmtree(self.folder, ignore_errors=True)

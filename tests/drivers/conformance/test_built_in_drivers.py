@@ -1,6 +1,5 @@
 """The built-in drivers pass the conformance kit against their emulators; so do those that `wallride new` writes."""
 
-import shutil
 import tempfile
 from pathlib import Path
 
@@ -73,12 +72,6 @@ class TurningBench(Emulated):
     async def start(self):
         self.device.start_serial(self.folder / "lidar")
 
-    async def unplug(self):
-        self.device.unplug()
-
-    async def replug(self):
-        self.device.replug()
-
     @property
     def connected(self):
         """A serial line does not tell: whether the sensor still measures does."""
@@ -106,12 +99,12 @@ class TestYdlidar(LidarConformance):
         return TurningBench(YdlidarDevice(ydlidar.G4), Ydlidar, YdlidarSettings)
 
 
-class VescBench:
+class VescBench(Emulated):
     has_no_timeout = False
 
     def __init__(self):
-        self.folder = Path(tempfile.mkdtemp())
-        self.device = VescEmulator(self.folder / "vesc", clock=now_s, timeout_s=RECOMMENDED_TIMEOUT_S)
+        folder = Path(tempfile.mkdtemp())
+        super().__init__(VescEmulator(folder / "vesc", clock=now_s, timeout_s=RECOMMENDED_TIMEOUT_S), folder)
         self.wiring = VescSettings()
         self.way_m, self.stepped_s = 0.0, now_s()
 
@@ -127,16 +120,6 @@ class VescBench:
 
     async def start(self):
         self.device.start()
-
-    async def close(self):
-        self.device.close()
-        shutil.rmtree(self.folder, ignore_errors=True)
-
-    async def unplug(self):
-        self.device.unplug()
-
-    async def replug(self):
-        self.device.replug()
 
     def send(self, data):
         self.device.write(data)

@@ -94,12 +94,6 @@ class MaestroBench(Emulated, PwmBench):
     async def start(self):
         self.device.start_serial(self.folder / "maestro")
 
-    async def unplug(self):
-        self.device.unplug()
-
-    async def replug(self):
-        self.device.replug()
-
     def driver(self):
         address = f"serial://{self.folder / 'maestro'}"
         return self.made_driver(Maestro(MaestroSettings(address=address, arming_s=ARMING_S), clock=now_s))

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from wallride.drivers.api import Health, LinkState, Scan
+from tests.drivers.lidar_rig import LidarRig
+from wallride.drivers.api import LinkState, Scan
 from wallride.drivers.hokuyo.driver import Hokuyo
 from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.sim.devices.scip import ScipEmulator
@@ -22,38 +23,20 @@ def sensor(model: SensorModel = UST_10LX) -> ScipEmulator:
     return ScipEmulator(model, clock=asyncio.get_running_loop().time)
 
 
-class Rig:
-    """A sensor that turns, and a driver that listens; `scans` collects what came out."""
+class Rig(LidarRig):
+    """A sensor that turns, and a driver that listens."""
+
+    limit_s = LIMIT_S
+    emulator: ScipEmulator
 
     def __init__(self, emulator: ScipEmulator, address: str, **settings: Any) -> None:
-        self.clock = asyncio.get_running_loop().time
-        self.emulator = emulator
-        emulator.sensor.ahead_ms = 16_777_100
-        self.driver = Hokuyo(HokuyoSettings(address=address, **settings), clock=self.clock)
-        self.scans: list[Scan] = []
-        self.stamp_ms = 16_777_100
-        self.task = asyncio.create_task(self.driver.run(self.scans.append))
-
-    @property
-    def health(self) -> Health:
-        return self.driver.health
-
-    def link(self) -> LinkState:
-        return self.driver.health.link
-
-    @property
-    def counts(self) -> dict[str, int]:
-        return self.driver.health.counts
+        emulator.sensor.ahead_ms = self.stamp_ms = 16_777_100
+        made = HokuyoSettings(address=address, **{"silent_after_s": 0.3, **settings})
+        super().__init__(emulator, Hokuyo(made, clock=asyncio.get_running_loop().time))
 
     async def until(self, condition: Callable[[], bool], *, turning: bool = False) -> None:
         """Wait for a condition, publishing scans at 200 Hz meanwhile if the sensor is `turning`."""
-        async with asyncio.timeout(LIMIT_S):
-            while not condition():
-                if self.task.done():
-                    self.task.result()
-                if turning:
-                    self.turn()
-                await asyncio.sleep(0.005)
+        await self.wait(condition, self.turn if turning else lambda: None)
 
     def turn(self, ranges_mm: Ranges | None = None) -> float | None:
         """Publish one revolution 5 ms after the last; the stamp follows our clock, as a sensor's does."""
@@ -80,8 +63,3 @@ class Rig:
 
 
 MakeRig = Callable[..., Awaitable[Rig]]
-
-
-async def stop(rig: Rig) -> None:
-    rig.task.cancel()
-    await asyncio.gather(rig.task, return_exceptions=True)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from tests.drivers.hokuyo.rig import LIMIT_S, MakeRig, Rig, sensor, stop
+from tests.drivers.hokuyo.rig import LIMIT_S, MakeRig, Rig, sensor
 from wallride.drivers.address import TcpAddress
-from wallride.drivers.api import LinkState, Scan
+from wallride.drivers.api import LinkState
 from wallride.drivers.hokuyo.conversation import Conversation
 from wallride.drivers.hokuyo.settings import HokuyoSettings
 from wallride.drivers.link import open_link
@@ -97,7 +97,7 @@ async def test_cancelling_turns_the_laser_off(rig: Rig) -> None:
     await rig.ready()
     await rig.scan()
     assert rig.emulator.sensor.laser_on
-    await stop(rig)
+    await rig.stop()
     assert rig.task.cancelled()
     assert not rig.emulator.sensor.laser_on
 
@@ -107,21 +107,8 @@ async def test_cancelling_while_the_sensor_does_not_answer_takes_no_time(rig: Ri
     await rig.scan()
     rig.emulator.silence = True
     begun_s = rig.clock()
-    await stop(rig)
+    await rig.stop()
     assert rig.clock() - begun_s < 0.5
-
-
-async def test_an_error_in_the_callback_comes_out_of_run(tcp: MakeRig) -> None:
-    rig = await tcp(sensor())
-    await rig.ready()
-    await stop(rig)
-
-    def explode(_scan: Scan) -> None:
-        raise RuntimeError("a bug")
-
-    rig.task = asyncio.create_task(rig.driver.run(explode))
-    with pytest.raises(RuntimeError, match="a bug"):
-        await rig.until(lambda: False, turning=True)
 
 
 async def test_a_sensor_that_hangs_upside_down_has_left_on_the_left(tcp: MakeRig) -> None:

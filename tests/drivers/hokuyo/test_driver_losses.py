@@ -2,12 +2,11 @@
 
 from collections.abc import Awaitable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.drivers.hokuyo.rig import LIMIT_S, MakeRig, Rig, sensor, stop
+from tests.drivers.hokuyo.rig import LIMIT_S, MakeRig, Rig, sensor
 from wallride.drivers import lidar
 from wallride.drivers.address import SerialAddress
 from wallride.drivers.api import Clock, LinkState
@@ -50,23 +49,9 @@ async def test_every_dropped_connection_is_opened_again_at_once(tcp: MakeRig, mo
         assert rig.counts["reconnect"] == losses
 
 
-async def test_a_refused_connection_is_tried_until_it_succeeds(tcp: MakeRig) -> None:
-    emulator = sensor()
-    rig = await tcp(emulator)
-    await rig.ready()
-    emulator.refuse()
-    emulator.disconnect()
-    await rig.until(lambda: rig.counts.get("reconnect", 0) >= 2)
-    assert rig.link() is LinkState.ABSENT
-    assert "refused" in rig.health.message
-    emulator.listen_again()
-    await rig.lost_and_found()
-
-
-async def test_an_unplugged_cable_comes_back_under_the_same_name(tmp_path: Path) -> None:
+async def test_an_unplugged_cable_comes_back_under_the_same_name(serial: MakeRig) -> None:
     emulator = sensor(URG_04LX)
-    emulator.start_serial(tmp_path / "lidar")
-    rig = Rig(emulator, f"serial://{tmp_path / 'lidar'}?baud=115200")
+    rig = await serial(emulator, "?baud=115200")
     await rig.ready()
     assert np.rad2deg((await rig.scan()).angle_min_rad) == pytest.approx((44 - 384) * 360 / 1024)
     assert rig.health.message == "URG-04LX, 682 beams, 10 Hz"
@@ -75,15 +60,12 @@ async def test_an_unplugged_cable_comes_back_under_the_same_name(tmp_path: Path)
     assert rig.link() is LinkState.ABSENT
     emulator.replug()
     await rig.lost_and_found()
-    await stop(rig)
-    emulator.close()
 
 
-async def test_the_speed_of_a_serial_sensor_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_the_speed_of_a_serial_sensor_is_found(serial: MakeRig, monkeypatch: pytest.MonkeyPatch) -> None:
     emulator = sensor(URG_04LX)
     emulator.baud = 19200
-    emulator.start_serial(tmp_path / "lidar")
-    rig = Rig(emulator, f"serial://{tmp_path / 'lidar'}")
+    rig = await serial(emulator)
     await rig.until(lambda: emulator.streaming)
     assert (await rig.scan()).ranges_m.shape == (682,)
     emulator.unplug()
@@ -98,8 +80,6 @@ async def test_the_speed_of_a_serial_sensor_is_found(tmp_path: Path, monkeypatch
     emulator.replug()
     await rig.lost_and_found()
     assert set(tried) == {19200}, "the speed that was found is tried first, and is enough"
-    await stop(rig)
-    emulator.close()
 
 
 async def test_the_parameters_are_read_again_after_a_reconnect(tcp: MakeRig) -> None:
@@ -129,15 +109,12 @@ async def test_without_the_sensors_time_only_the_third_fresh_scan_of_a_restarted
     assert rig.link() is LinkState.READY
 
 
-async def test_a_sensor_left_streaming_by_a_killed_program_is_taken_over(tmp_path: Path) -> None:
+async def test_a_sensor_left_streaming_by_a_killed_program_is_taken_over(serial: MakeRig) -> None:
     emulator = sensor()
-    emulator.start_serial(tmp_path / "lidar")
     emulator.sensor.answer(b"MD0000108000000")
-    rig = Rig(emulator, f"serial://{tmp_path / 'lidar'}")
+    rig = await serial(emulator)
     await rig.until(lambda: len(rig.scans) > 3, turning=True)
     assert "reconnect" not in rig.counts
-    await stop(rig)
-    emulator.close()
 
 
 @pytest.mark.parametrize("attribute", ["scip1", "in_time_sync"])

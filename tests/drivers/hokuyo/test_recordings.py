@@ -106,7 +106,7 @@ def test_every_scan_that_comes_over_a_late_link_is_judged_as_old_as_it_is(name: 
     prompt_s = (recording.arrival_s - sensor_s)[ours].min()  # from a stamp to the arrival of its scan in time
     asked_s = recording.arrival_s[0] - 0.5
     counter_ms = round((asked_s - prompt_s + SWEEP_S) * 1000)
-    for late_s in np.arange(0.0, 1.01, 0.05):
+    for late_s in (0.0, 0.05, 0.1, 0.15, 0.5, 1.0):
         gate = StampGate(STALE_AFTER_S, lambda _what: None)
         gate.restart(late_s + 0.001, ClockReading(counter_ms, asked_s, asked_s + late_s + 0.001), 0.025)
         arrivals_s, late = recording.arrival_s[ours] + late_s, []

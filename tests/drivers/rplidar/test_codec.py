@@ -1,17 +1,13 @@
 """RPLIDAR bytes: golden frames, any chunking, any damage."""
 
-import json
 import random
-from collections import Counter
-from itertools import pairwise
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.drivers.golden import Counts, golden, needs_vectors, pieces
 from wallride.drivers.rplidar import capsules, codec
 from wallride.drivers.rplidar.capsule_formats import _scaled
 from wallride.drivers.turning.replies import (
@@ -24,32 +20,24 @@ from wallride.drivers.turning.replies import (
 from wallride.drivers.turning.samples import HeadSamples, SampleDecoder, joined
 from wallride.sim.devices.rplidar import A1, A1_OLDEST, S2, RplidarDevice, RplidarModel
 
-Frame = dict[str, Any]
-
-VECTORS = Path(__file__).resolve().parents[3] / ".." / "shared" / "reference" / "vectors" / "rplidar.json"
-GOLDEN: dict[str, list[Frame]] = (
-    json.loads(VECTORS.read_text()) if VECTORS.exists() else {"frames": [], "streams": [], "varbitscale": []}
-)
+GOLDEN = golden("rplidar")
 FRAMES = {frame["name"]: frame for frame in GOLDEN["frames"]}
 STREAMS = {stream["name"]: bytes.fromhex(stream["hex"]) for stream in GOLDEN["streams"]}
-needs_vectors = pytest.mark.skipif(not FRAMES, reason="the golden frames (shared/reference/vectors) are not here")
 
 
 def bytes_of(name: str) -> bytes:
     return bytes.fromhex(FRAMES[name]["hex"] + FRAMES[name].get("next_hex", ""))
 
 
-def decoder(kind: int) -> tuple[SampleDecoder, Counter[str]]:
-    counts: Counter[str] = Counter()
-    found = capsules.decoder_for(kind, lambda what: counts.update([what]))
-    return found or codec.PlainDecoder(lambda what: counts.update([what])), counts
+def decoder(kind: int) -> tuple[SampleDecoder, Counts]:
+    counts = Counts()
+    return capsules.decoder_for(kind, counts.count) or codec.PlainDecoder(counts.count), counts
 
 
-def read(kind: int, stream: bytes, *edges: int) -> tuple[HeadSamples, Counter[str]]:
+def read(kind: int, stream: bytes, *edges: int) -> tuple[HeadSamples, Counts]:
     """Feed a stream cut at `edges`; return the samples and what was counted."""
     one, counts = decoder(kind)
-    cuts = sorted({0, len(stream), *(edge for edge in edges if 0 < edge < len(stream))})
-    return joined([one.feed(stream[a:b]) for a, b in pairwise(cuts)]), counts
+    return joined([one.feed(piece) for piece in pieces(stream, *edges)]), counts
 
 
 def reply_of(name: str) -> bytes:
@@ -106,8 +94,7 @@ def test_condition_and_configuration():
 def test_every_stream_is_announced_with_its_type():
     for name, kind in (("normal", 0x81), ("express", 0x82), ("hq", 0x83), ("ultra", 0x84), ("dense", 0x85)):
         reply = ReplyDeframer().feed(bytes_of(f"desc_scan_{name}"))[0]
-        assert reply.streams
-        assert reply.kind == kind
+        assert (reply.streams, reply.kind) == (True, kind)
 
 
 @needs_vectors
@@ -197,8 +184,7 @@ def test_a_lost_capsule_stretches_nothing(model, kind):
     stream, size = stream_of(model, 4), {codec.PLAIN: 5}.get(kind, 84)
     at = len(stream) // size // 2 * size
     found, counts = read(kind, stream[:at] + stream[at + size :])
-    wrong_m = np.abs(found.range_m - (1.0 + found.deg * 0.005))
-    assert wrong_m.max() < 0.02
+    assert np.abs(found.range_m - (1.0 + found.deg * 0.005)).max() < 0.02
     assert counts["stretched"] == (kind != codec.PLAIN)
 
 

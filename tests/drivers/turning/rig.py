@@ -1,13 +1,14 @@
 """A head that turns in a room and a driver that listens, for the tests of the drivers of turning lidars."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from wallride.drivers.api import Health, LinkState, Scan
+from tests.drivers.lidar_rig import LidarRig
+from wallride.drivers.api import Scan
 from wallride.drivers.rplidar.driver import Rplidar
 from wallride.drivers.rplidar.settings import RplidarSettings
 from wallride.drivers.turning.driver import TurningLidar
@@ -18,7 +19,6 @@ from wallride.sim.devices.rplidar import RplidarDevice
 from wallride.sim.devices.turning import Rays, TurningEmulator
 from wallride.sim.devices.ydlidar import YdlidarDevice
 
-LIMIT_S = 20.0
 WALL_M, ROUND_M = 2.0, 3.0
 """A wall ahead at 2 m, and a round wall everywhere else."""
 Floats = npt.NDArray[np.float64]
@@ -42,35 +42,17 @@ def room_mm(rays: Rays) -> npt.NDArray[np.int64]:
     return mm
 
 
-class Rig:
-    """An emulated sensor that turns, and a driver that listens; `scans` collects what came out."""
+class Rig(LidarRig):
+    """An emulated sensor that turns, and a driver that listens."""
+
+    look_s = 0.004
 
     def __init__(self, emulator: TurningEmulator, address: str, **settings: Any) -> None:
-        self.clock = asyncio.get_running_loop().time
-        self.emulator = emulator
-        self.driver = driver_for(emulator, address, **settings)
-        self.scans: list[Scan] = []
-        self.task = asyncio.create_task(self.driver.run(self.scans.append))
-
-    @property
-    def health(self) -> Health:
-        return self.driver.health
-
-    @property
-    def counts(self) -> dict[str, int]:
-        return self.driver.health.counts
-
-    def link(self) -> LinkState:
-        return self.driver.health.link
+        super().__init__(emulator, driver_for(emulator, address, **settings))
 
     async def until(self, condition: Callable[[], bool]) -> None:
         """Wait for a condition while the head turns."""
-        async with asyncio.timeout(LIMIT_S):
-            while not condition():
-                if self.task.done():
-                    self.task.result()
-                self.emulator.advance(self.clock(), room_mm)
-                await asyncio.sleep(0.004)
+        await self.wait(condition, lambda: self.emulator.advance(self.clock(), room_mm))
 
     async def more_scans(self, number: int = 3) -> list[Scan]:
         """Wait for so many further scans and return them."""
@@ -94,11 +76,3 @@ def driver_for(emulator: TurningEmulator, address: str, **settings: Any) -> Turn
         return Ydlidar(YdlidarSettings(address=address, **named, **settings), clock=clock, motion=motion)
     assert isinstance(emulator.device, RplidarDevice)
     return Rplidar(RplidarSettings(address=address, **settings), clock=clock, motion=motion)
-
-
-MakeRig = Callable[..., Awaitable[Rig]]
-
-
-async def stop(rig: Rig) -> None:
-    rig.task.cancel()
-    await asyncio.gather(rig.task, return_exceptions=True)

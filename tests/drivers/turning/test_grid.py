@@ -49,7 +49,7 @@ def test_a_turn_is_cut_behind_the_car(yaw_rad, upside_down):
 
 
 @given(
-    st.lists(st.tuples(st.floats(0, 359.99), st.floats(0.2, 11.9)), min_size=1, max_size=200), st.sampled_from(COUNTS)
+    st.lists(st.tuples(st.floats(0, 359.99), st.floats(0.2, 11.9)), min_size=1, max_size=60), st.sampled_from(COUNTS)
 )
 def test_the_nearest_return_of_a_cell_is_kept_and_none_is_lost(points, count):
     deg, range_m = [list(part) for part in zip(*points, strict=True)]

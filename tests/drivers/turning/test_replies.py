@@ -1,10 +1,9 @@
 """The reply frame that RPLIDAR and YDLIDAR share."""
 
-from itertools import pairwise
-
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.drivers.golden import pieces
 from wallride.drivers.turning.conversation import describe
 from wallride.drivers.turning.replies import MAX_PAYLOAD_BYTES, Reply, ReplyDeframer
 
@@ -14,10 +13,8 @@ GREETING = b"RP LIDAR System.\r\nFirmware Ver 1.29\r\n"
 
 
 def read(stream: bytes, *edges: int) -> tuple[list[Reply], bytes]:
-    deframer, found = ReplyDeframer(), []
-    for a, b in pairwise(sorted({0, len(stream), *(edge for edge in edges if 0 < edge < len(stream))})):
-        found += deframer.feed(stream[a:b])
-    return found, deframer.rest
+    deframer = ReplyDeframer()
+    return [reply for piece in pieces(stream, *edges) for reply in deframer.feed(piece)], deframer.rest
 
 
 @given(st.lists(st.integers(1, 60), max_size=8))

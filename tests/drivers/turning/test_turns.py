@@ -40,7 +40,7 @@ class Line:
 @pytest.mark.parametrize("cut_deg", [0.0, 90.0, 181.0])
 def test_a_turn_begins_at_the_cut_and_has_every_sample_once(chunk, cut_deg):
     line = Line(cut_deg)
-    turns = line.run(4 * PER_TURN + 1000, chunk=chunk)
+    turns = line.run(PER_TURN + 3 * max(PER_TURN, chunk), chunk=chunk)
     assert len(turns) >= 2
     numbers = np.concatenate([turn.range_m for turn in turns])
     np.testing.assert_array_equal(np.diff(numbers), 1)

@@ -94,25 +94,6 @@ async def test_a_battery_manager_on_the_port_is_refused(emulator):
     assert emulator.motor_wire() == []
 
 
-@pytest.mark.parametrize(
-    ("drive", "motor", "position"),
-    [
-        (Drive(1.0, 0.0), codec.set_erpm(4614), 0.530),
-        (Drive(-0.5, 0.0), codec.set_erpm(-2307), 0.530),
-        (Drive(0.2, 0.1), codec.set_erpm(923), 0.409),
-        (Drive(0.0, -0.1), BRAKE, 0.652),
-        (Drive(-0.0, 0.0), BRAKE, 0.530),
-        (Drive(0.19, 0.0), BRAKE, 0.530),
-        (Drive(-0.19, 0.0), BRAKE, 0.530),
-        (Drive(2.0, 1.5), codec.set_erpm(9228), 0.150),
-        (Drive(2.0, -1.5), codec.set_erpm(9228), 0.850),
-    ],
-)
-async def test_a_command_is_exactly_two_frames(emulator, drive, motor, position):
-    async with ready(emulator) as vesc:
-        assert await sent(vesc, emulator, drive) == [motor, codec.set_servo(position)]
-
-
 async def test_the_state_tells_the_steering_that_was_possible(emulator):
     async with ready(emulator) as vesc:
         vesc.send(Drive(0.0, 0.12))

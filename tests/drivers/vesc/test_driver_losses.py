@@ -151,16 +151,6 @@ async def test_bad_checksums_are_counted_and_never_believed(emulator):
         assert seen(vesc).speed_mps == 0.0
 
 
-async def test_cancelling_leaves_a_brake_as_the_last_word_and_a_closed_port(emulator):
-    async with ready(emulator) as vesc:
-        vesc.send(Drive(2.0, 0.1))
-        await until(emulator.motor_wire)
-    await until(lambda: len(emulator.motor_wire()) == 2)
-    assert emulator.motor_wire() == [codec.set_erpm(9228), BRAKE]
-    assert emulator.wire[-1][1] == BRAKE
-    assert (vesc.health.link, vesc.state, vesc.send(Drive(1.0, 0.0))) == (LinkState.ABSENT, None, False)
-
-
 async def test_a_bug_comes_out_of_run_after_a_brake(emulator, monkeypatch):
     vesc = vesc_at(emulator.link)
     task = asyncio.ensure_future(vesc.run())

@@ -9,7 +9,7 @@ from wallride.drivers.api import Drive
 from wallride.drivers.vesc.codec import Packet
 
 BRAKES_WITHIN_S = 0.1
-SHOWN_S, LASTS_S, ENDS_S = 1.0, 0.3, 2.0
+SHOWN_S, LASTS_S, ENDS_S = 0.5, 0.3, 1.35
 COMMANDS_EVERY_S = 0.025
 """As often as scans come; the mux sends between them as well."""
 
@@ -31,7 +31,7 @@ def shown(erpm, phase_s):
     return [(at_s - begun_s, payload[0]) for at_s, payload in wire if at_s >= begun_s and payload[0] in kinds]
 
 
-@pytest.mark.parametrize("erpm", [10**6, 10**7, 2**31 - 1, -(2**31)])
+@pytest.mark.parametrize("erpm", [10**6, -(2**31)])
 def test_an_impossible_speed_is_a_brake_on_the_wire_within_a_tenth_of_a_second(erpm):
     for phase_ms in range(0, 25, 3):
         commands = shown(erpm, phase_ms / 1000)

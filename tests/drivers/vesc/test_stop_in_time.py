@@ -33,6 +33,9 @@ def when_ready(story, **settings):
 def test_a_command_is_one_write_of_two_frames_and_a_stop_brakes():
     async def story(rig):
         assert rig.sent(Drive(1.0, 0.0)) == ONE_MPS + SERVO_AHEAD
+        for linkage_ends_rad, position in ((1.5, 0.15), (-1.5, 0.85)):
+            moves = frame(codec.set_erpm(9228)) + frame(codec.set_servo(position))
+            assert rig.sent(Drive(2.0, linkage_ends_rad)) == moves
         assert not rig.vesc.braked_instead
         assert rig.sent(Drive(0.0, 0.1)) == BRAKE + SERVO_LEFT
         assert rig.sent(Drive(0.19, 0.1)) == BRAKE + SERVO_LEFT

@@ -1,44 +1,34 @@
 """YDLIDAR bytes: golden frames, any chunking, any damage."""
 
-import json
 import random
-from collections import Counter
-from itertools import pairwise
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.drivers.golden import Counts, golden, needs_vectors, pieces
 from wallride.drivers.turning.replies import ReplyDeframer, decode_info
 from wallride.drivers.turning.samples import HeadSamples, joined
 from wallride.drivers.ydlidar import codec
 from wallride.drivers.ydlidar.models import MODELS, Model
 from wallride.sim.devices.ydlidar import X4, YdlidarDevice
 
-Frame = dict[str, Any]
-
-VECTORS = Path(__file__).resolve().parents[3] / ".." / "shared" / "reference" / "vectors" / "ydlidar.json"
-GOLDEN: dict[str, list[Frame]] = json.loads(VECTORS.read_text()) if VECTORS.exists() else {"frames": [], "streams": []}
+GOLDEN = golden("ydlidar")
 FRAMES = {frame["name"]: frame for frame in GOLDEN["frames"]}
 STREAMS = {stream["name"]: bytes.fromhex(stream["hex"]) for stream in GOLDEN["streams"]}
 PACKETS = [name for name, frame in FRAMES.items() if "samples" in frame["fields"]]
-needs_vectors = pytest.mark.skipif(not FRAMES, reason="the golden frames (shared/reference/vectors) are not here")
 PLAIN = Model("plain", 115200, 1e-4, (0.1, 10.0), triangulates=False)
 BRIGHT = Model("bright", 115200, 1e-4, (0.1, 10.0), triangulates=False, intensity=True)
 
 
-def decoder(model: Model = MODELS["x4"]) -> tuple[codec.PacketDecoder, Counter[str]]:
-    counts: Counter[str] = Counter()
-    return codec.PacketDecoder(model, lambda what: counts.update([what])), counts
+def decoder(model: Model = MODELS["x4"]) -> tuple[codec.PacketDecoder, Counts]:
+    return codec.PacketDecoder(model, (counts := Counts()).count), counts
 
 
-def read(stream: bytes, *edges: int, model: Model = MODELS["x4"]) -> tuple[HeadSamples, Counter[str]]:
+def read(stream: bytes, *edges: int, model: Model = MODELS["x4"]) -> tuple[HeadSamples, Counts]:
     one, counts = decoder(model)
-    cuts = sorted({0, len(stream), *(edge for edge in edges if 0 < edge < len(stream))})
-    return joined([one.feed(stream[a:b]) for a, b in pairwise(cuts)]), counts
+    return joined([one.feed(piece) for piece in pieces(stream, *edges)]), counts
 
 
 @needs_vectors

@@ -2,7 +2,6 @@
 
 import asyncio
 import fcntl
-import json
 import os
 import struct
 from collections.abc import Callable
@@ -11,24 +10,20 @@ from typing import Any
 
 import pytest
 
+from tests.drivers.golden import golden, needs_vectors
+from tests.drivers.vesc.rig import until
+from tests.runtime.observed import HandClock
 from wallride.drivers.vesc import codec, replies
 from wallride.drivers.vesc.codec import Packet, VescDeframer, frame
 from wallride.sim.devices.vesc import MotorDemand, VescEmulator
 from wallride.sim.devices.vesc_logic import COAST, VescLogic
 from wallride.sim.devices.vesc_replies import firmware_reply, imu_reply, selective_reply, values_reply
 
-VECTORS = Path(__file__).resolve().parents[3] / ".." / "shared" / "reference" / "vectors" / "vesc.json"
-PATIENCE_S = 5.0
+GOLDEN = {frame["name"]: bytes.fromhex(frame["payload_hex"]) for frame in golden("vesc")["frames"]}
 TIOCGEXCL = 0x80045440
 
 
-@pytest.fixture(scope="module")
-def golden() -> dict[str, bytes]:
-    if not VECTORS.exists():
-        pytest.skip("the shared reference with its golden bytes is not beside this checkout")
-    return {v["name"]: bytes.fromhex(v["payload_hex"]) for v in json.loads(VECTORS.read_text())["frames"]}
-
-
+@needs_vectors
 @pytest.mark.parametrize(
     ("version", "hardware", "name"),
     [
@@ -38,10 +33,11 @@ def golden() -> dict[str, bytes]:
         ((2, 18), "60", "fw_version_2.18_bare"),
     ],
 )
-def test_identities_are_the_golden_bytes(golden, version, hardware, name):
-    assert firmware_reply(version, hardware) == golden[name]
+def test_identities_are_the_golden_bytes(version, hardware, name):
+    assert firmware_reply(version, hardware) == GOLDEN[name]
 
 
+@needs_vectors
 @pytest.mark.parametrize(
     ("version", "size_bytes", "name"),
     [
@@ -53,23 +49,23 @@ def test_identities_are_the_golden_bytes(golden, version, hardware, name):
         ((6, 5), 74, "values_fault_undervoltage_and_timeout"),
     ],
 )
-def test_values_are_the_golden_bytes_of_each_firmware(golden, version, size_bytes, name):
+def test_values_are_the_golden_bytes_of_each_firmware(version, size_bytes, name):
     decode: Callable[[bytes], Any] = replies.decode_values_2x if version < (3, 0) else replies.decode_values
-    values = decode(golden[name])
+    values = decode(GOLDEN[name])
     said = {field: getattr(values, field) for field in values.__slots__ if getattr(values, field) is not None}
-    reply = values_reply(version, said)
-    assert len(reply) == size_bytes
-    assert reply == golden[name]
+    assert values_reply(version, said) == GOLDEN[name]
+    assert len(GOLDEN[name]) == size_bytes
 
 
-def test_selective_and_imu_replies_are_the_golden_bytes(golden):
+@needs_vectors
+def test_selective_and_imu_replies_are_the_golden_bytes():
     said = {"erpm": 4614, "voltage_v": 11.8, "tachometer": 123456, "duty": 0.5}
-    request = golden["get_values_selective_rpm_vin_tacho_fault_status"]
-    assert selective_reply(request, said) == golden["values_selective_reply"]
-    sent = golden["imu_acc_gyro"]
+    request = GOLDEN["get_values_selective_rpm_vin_tacho_fault_status"]
+    assert selective_reply(request, said) == GOLDEN["values_selective_reply"]
+    sent = GOLDEN["imu_acc_gyro"]
     imu = (0.0, 0.0, 0.0, *struct.unpack(">6f", sent[3:27]), *(0.0,) * 7)
-    assert imu_reply((6, 5), golden["get_imu_acc_gyro"], imu, 74) == sent
-    assert imu_reply((5, 2), golden["get_imu_acc_gyro"], imu, 74) == sent[:-1]
+    assert imu_reply((6, 5), GOLDEN["get_imu_acc_gyro"], imu, 74) == sent
+    assert imu_reply((5, 2), GOLDEN["get_imu_acc_gyro"], imu, 74) == sent[:-1]
 
 
 # What it does with commands, also those that only other programs send: no wire needed.
@@ -183,22 +179,9 @@ class Host:
         os.close(self.fd)
 
 
-async def until(met: Callable[[], object]) -> None:
-    async with asyncio.timeout(PATIENCE_S):
-        while not met():
-            await asyncio.sleep(0.001)
-
-
-class Time:
-    now_s = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
-
-
 @pytest.fixture
-def time() -> Time:
-    return Time()
+def time() -> HandClock:
+    return HandClock(0.0)
 
 
 @pytest.fixture
@@ -258,11 +241,8 @@ async def test_obeyed_commands_are_told_and_all_payloads_remembered(tmp_path, ti
         host.send(payload)
     await until(lambda: len(told) == 2)
     assert told == [(3.0, MotorDemand("speed", 2000)), (3.0, MotorDemand("brake", 7))]
-    assert [payload for _, payload in vesc.wire] == [
-        codec.set_erpm(2000),
-        codec.set_servo(0.2),
-        codec.set_brake_current(7),
-    ]
+    last = [codec.set_erpm(2000), codec.set_servo(0.2), codec.set_brake_current(7)]
+    assert [payload for _, payload in vesc.wire] == last
     assert vesc.demand(3.1) == MotorDemand("brake", 7)
     host.close()
     vesc.close()
