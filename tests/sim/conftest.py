@@ -20,6 +20,11 @@ def shared_data() -> Path:
 
 
 @pytest.fixture(scope="session")
+def carried_bag() -> Path:
+    return REPOSITORY / "tests" / "data" / "urg04lx_people_40.bag"
+
+
+@pytest.fixture(scope="session")
 def drive(tmp_path_factory):
     """A drive into a dead end, in which safety slows and stops the car: its file, the car, and what the mux logged."""
     logged: list[str] = []

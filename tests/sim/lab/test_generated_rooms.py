@@ -6,28 +6,13 @@ from functools import partial
 import numpy as np
 import pytest
 
+from tests.sim.lab.test_rooms import driven
 from tests.typed import typed
 from wallride.sim.lab import generated_rooms, laps
 from wallride.sim.lab.cell import Cell, CellChoice
 from wallride.sim.lab.command import run
-from wallride.sim.lab.courses.walls import world_of
-from wallride.sim.virtual.closed_loop import Case, SimulatedRun
 
 options = partial(typed, "lab")
-
-PERIOD_S = 0.025
-
-
-def driven(*pieces):
-    """A run along x with these speeds, (m/s, seconds) one after the other."""
-    speed_mps = np.concatenate([np.full(round(seconds / PERIOD_S), mps) for mps, seconds in pieces])
-    rows = speed_mps.size
-    x_m = np.concatenate(([0.0], np.cumsum(speed_mps[:-1]) * PERIOD_S))
-    pose, none = np.stack([x_m, np.zeros(rows), np.zeros(rows)], axis=1), np.zeros(rows)
-    both = np.stack([speed_mps, speed_mps], axis=1)
-    case = Case(world_of("straight", "left"))
-    time_s = np.linspace(0.0, (rows - 1) * PERIOD_S, rows)
-    return SimulatedRun(case, time_s, pose, both, both, both, none, none, none, none, 0.0, [], None, [])
 
 
 @pytest.mark.parametrize(
@@ -41,14 +26,13 @@ def driven(*pieces):
     ],
 )
 def test_how_long_a_car_stood_until_it_was_away(pieces, expected):
-    assert generated_rooms.stood_until_on_s(driven(*pieces)) == pytest.approx(expected, abs=0.06)
+    assert generated_rooms.stood_until_on_s(driven(pieces)) == pytest.approx(expected, abs=0.06)
 
 
-@pytest.mark.parametrize(("seed", "speed_mps"), [(1550, 2.0)])
-def test_a_narrow_loop_on_a_slippery_floor_is_driven_without_a_touch(seed, speed_mps):
+def test_a_narrow_loop_on_a_slippery_floor_is_driven_without_a_touch():
     """Bends at full lock that leave a few centimetres: the rollouts have to turn as wide as the car does, and a brake
     in the bend has to last until it is known to pass."""
-    cell = Cell("generated_rooms", "generated", "ball", speed_mps, 0.5, "right", seed)
+    cell = Cell("generated_rooms", "generated", "ball", 2.0, 0.5, "right", 1550)
     assert not generated_rooms.measure(cell)["collided"]
 
 

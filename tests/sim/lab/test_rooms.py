@@ -19,22 +19,16 @@ def cell(scenario, speed_mps=1.0, side="left"):
     return Cell("rooms", scenario, "ball+swept", speed_mps, 0.8, side, 1000)
 
 
-def driven(speed_mps, walker):
-    """A run straight ahead with these speeds, one per scan."""
-    speed_mps = np.asarray(speed_mps, float)
+def driven(pieces, *obstacles):
+    """A run straight ahead with these speeds, (m/s, seconds) one after the other."""
+    speed_mps = np.concatenate([np.full(round(seconds / PERIOD_S), mps) for mps, seconds in pieces])
     rows = speed_mps.size
     x_m = np.concatenate(([0.0], np.cumsum(speed_mps[:-1]) * PERIOD_S))
     pose, none = np.stack([x_m, np.zeros(rows), np.zeros(rows)], axis=1), np.zeros(rows)
     both = np.stack([speed_mps, speed_mps], axis=1)
-    case = Case(world_of("straight", "left"), obstacles=(walker,))
-    return SimulatedRun(
-        case, np.arange(rows) * PERIOD_S, pose, both, both, both, none, none, none, none, 0.0, [], None, []
-    )
-
-
-def speeds(*pieces):
-    """(m/s, seconds) one after the other."""
-    return np.concatenate([np.full(round(seconds / PERIOD_S), mps) for mps, seconds in pieces])
+    case = Case(world_of("straight", "left"), obstacles=obstacles)
+    time_s = np.linspace(0.0, (rows - 1) * PERIOD_S, rows)
+    return SimulatedRun(case, time_s, pose, both, both, both, none, none, none, none, 0.0, [], None, [])
 
 
 LEAVES = person(2.5, 0.0, ConstantMotion(0.0, -1.0, 4.0))
@@ -42,10 +36,10 @@ LEAVES = person(2.5, 0.0, ConstantMotion(0.0, -1.0, 4.0))
 
 
 def test_the_way_is_free_when_nobody_is_in_the_strip():
-    done = driven(speeds((0.0, 6.0)), replace(LEAVES, appearance=replace(LEAVES.appearance, from_s=0.0)))
+    done = driven([(0.0, 6.0)], replace(LEAVES, appearance=replace(LEAVES.appearance, from_s=0.0)))
     far = rooms.way_free(done, LEAVES)
     assert far.all(), "2.5 m away is beyond the strip"
-    near = driven(speeds((1.0, 1.5), (0.0, 4.5)), LEAVES)
+    near = driven([(1.0, 1.5), (0.0, 4.5)], LEAVES)
     free = rooms.way_free(near, LEAVES)
     first = np.flatnonzero(~free)[0] * PERIOD_S
     assert first == pytest.approx(2.5 - 0.2 - CAR.front_m - rooms.FREE_AHEAD_M, abs=0.03)
@@ -65,7 +59,7 @@ def test_the_way_is_free_when_nobody_is_in_the_strip():
     ids=["goes on", "went round before", "only twitched", "never free", "never stood"],
 )
 def test_resuming_is_counted_from_the_moment_that_the_way_is_free(pieces, expected):
-    told = rooms.resuming(driven(speeds(*pieces), LEAVES), LEAVES)
+    told = rooms.resuming(driven(pieces, LEAVES), LEAVES)
     assert (told["stood"], told["freed"], told["resumed_after_s"]) == expected
 
 

@@ -1,7 +1,6 @@
 """The simulator's conditions: named one by one, refused in words, changed while it drives."""
 
 import json
-import math
 import re
 
 import numpy as np
@@ -22,7 +21,7 @@ from wallride.sim.scenario.conditions import (
     own_parts_kinds,
 )
 from wallride.sim.scenario.obstacle_text import read_obstacle
-from wallride.sim.world.beams import NO_RETURN_MM, LidarSettings
+from wallride.sim.world.beams import NO_RETURN_MM
 from wallride.sim.world.obstacles import Box, ConstantMotion, Obstacle, Round, StandingObstacle, SuddenObstacle
 from wallride.sim.world.pose import Pose
 from wallride.sim.world.worlds import load_world
@@ -226,8 +225,6 @@ def test_the_same_conditions_and_seed_give_the_same_scans():
     at_start = conditions_of(RequestedConditions(dropouts=0.1, noise_m=0.02, own_parts="right-rear"))
     one, other = (looked(*corridor(at_start)[:2]) for _ in range(2))
     assert (one == other).all()
-    assert LidarSettings().dropout_share == 0.0
-    assert math.isfinite(float(one.mean()))
 
 
 @pytest.mark.parametrize(

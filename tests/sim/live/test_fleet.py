@@ -22,7 +22,7 @@ from wallride.sim.world.worlds import load_world
 )
 async def test_each_has_the_motor_controller_of_the_settings(driver, device, tmp_path):
     settings = Settings.model_validate({"motor": {"driver": driver}})
-    cars = build_fleet(load_world("loop"), 2, Conditions(), settings, 0, put_back=False)
+    cars = build_fleet(load_world("straight"), 2, Conditions(), settings, 0, put_back=False)
     assert len(cars) == 2
     async with AsyncExitStack() as stack:
         for car in cars:
@@ -43,10 +43,10 @@ def test_a_fleet_of_which_one_runtime_dies_leaves_the_figures_of_all(monkeypatch
 
     monkeypatch.setattr(SimulatorSession, "run", run)
     file = tmp_path / "told.json"
-    assert cli.main(["sim", "loop", "--cars", "2", "--headless", "--json", str(file)]) == 1
+    assert cli.main(["sim", "straight", "--cars", "2", "--headless", "--json", str(file)]) == 1
     table, said = capsys.readouterr()
     assert said.endswith("wallride: car2: the runtime ended by itself\n")
-    assert ("2 cars in loop" in table) is file.exists() is (drove_s > 0)
+    assert ("2 cars in straight" in table) is file.exists() is (drove_s > 0)
     if drove_s:
         told = json.loads(file.read_text())
         assert told["failed"] == "car2: the runtime ended by itself"

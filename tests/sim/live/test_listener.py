@@ -1,6 +1,7 @@
 """The simulator hears what the runtime says about itself, in whichever order the two come up."""
 
 import asyncio
+import math
 from dataclasses import asdict
 
 import pytest
@@ -14,26 +15,39 @@ from wallride.runtime.wire.ports import free_endpoint
 from wallride.sim.live.listener import Listener
 
 
-async def test_it_waits_for_the_runtime_and_then_keeps_the_newest():
+@pytest.fixture
+async def pair():
+    """A listener, its task, and a car that is not open yet."""
     endpoint = free_endpoint()
     listener = Listener(endpoint, "car1", "0000cafe")
     listening = asyncio.create_task(listener.run())
-    await asyncio.sleep(0.05)  # the first attempt finds nobody
     car = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
+    yield listener, listening, car
+    listening.cancel()
+    await asyncio.wait([listening])
+    await car.close()
+
+
+def say(car, topic, payload):
+    car.put(topics.key("car1", topic), payload, encoding=encoding(topic))
+
+
+async def said_until(met, car, **status):
+    """Have the car tell its status and an error until something is so."""
+    async with asyncio.timeout(10):
+        while not met():
+            car.put(topics.key("car1", topics.STATUS), topics.encode(status))
+            say(car, topics.DISTANCE_ERROR, messages.float32(-0.25))
+            say(car, topics.SCAN, b"\x00\x01")
+            await asyncio.sleep(0.02)
+
+
+async def test_it_waits_for_the_runtime_and_then_keeps_the_newest(pair):
+    listener, _, car = pair
+    await asyncio.sleep(0.05)  # the first attempt finds nobody
     await car.open()
-    try:
-        async with asyncio.timeout(10):
-            while set(listener.latest) != {topics.STATUS, topics.DISTANCE_ERROR}:
-                status = {"session": "0000cafe", "reason": "wall", "measure": float("nan")}
-                car.put(topics.key("car1", topics.STATUS), topics.encode(status))
-                payload = messages.float32(-0.25)
-                car.put(topics.key("car1", topics.DISTANCE_ERROR), payload, encoding=encoding(topics.DISTANCE_ERROR))
-                car.put(topics.key("car1", topics.SCAN), b"\x00\x01", encoding=encoding(topics.SCAN))
-                await asyncio.sleep(0.02)
-    finally:
-        listening.cancel()
-        await asyncio.wait([listening])
-        await car.close()
+    both = {topics.STATUS, topics.DISTANCE_ERROR}
+    await said_until(lambda: set(listener.latest) == both, car, session="0000cafe", reason="wall", measure=math.nan)
     assert listener.latest == {
         topics.STATUS: {"session": "0000cafe", "reason": "wall", "measure": None},
         topics.DISTANCE_ERROR: {"error_m": -0.25},
@@ -41,55 +55,31 @@ async def test_it_waits_for_the_runtime_and_then_keeps_the_newest():
     assert not listener.problem
 
 
-async def test_what_another_start_of_the_car_says_is_not_taken_and_named():
-    endpoint = free_endpoint()
-    listener = Listener(endpoint, "car1", "0000cafe")
-    car = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
+async def test_what_another_start_of_the_car_says_is_not_taken_and_named(pair):
+    listener, _, car = pair
     await car.open()
-    listening = asyncio.create_task(listener.run())
-    try:
-        async with asyncio.timeout(10):
-            while "0000beef" not in listener.problem:
-                car.put(topics.key("car1", topics.STATUS), topics.encode({"session": "0000beef"}))
-                payload = messages.float32(-0.25)
-                car.put(topics.key("car1", topics.DISTANCE_ERROR), payload, encoding=encoding(topics.DISTANCE_ERROR))
-                await asyncio.sleep(0.02)
-    finally:
-        listening.cancel()
-        await asyncio.wait([listening])
-        await car.close()
+    await said_until(lambda: "0000beef" in listener.problem, car, session="0000beef")
     assert not listener.latest
 
 
-async def test_it_can_be_called_off_while_nobody_listens():
-    listening = asyncio.create_task(Listener(free_endpoint(), "car1", "0000cafe").run())
+async def test_it_can_be_called_off_while_nobody_listens(pair):
+    _, listening, _ = pair
     await asyncio.sleep(0.05)
     listening.cancel()
     with pytest.raises(asyncio.CancelledError):
         await listening
 
 
-async def test_it_asks_which_settings_were_changed_since_the_drive_began():
-    endpoint = free_endpoint()
-    listener = Listener(endpoint, "car1", "0000cafe")
+async def test_it_asks_which_settings_were_changed_since_the_drive_began(pair):
+    listener, _, car = pair
     assert await listener.changes_since(0.0) == [], "it was never connected"
     history = ChangeHistory(10)
     history.add([SettingChange(at_s, "", "ann", "wall_follow.kp", 13.5, at_s) for at_s in (90.0, 110.0)])
-    car = Bus(zenoh_config.car_config([endpoint], None, (), "car1"))
     changes = [asdict(change) for change in history.newest(10)]
     car.answer(topics.key("car1", "param/history"), lambda _: topics.encode({"changes": changes}))
     await car.open()
-    listening = asyncio.create_task(listener.run())
-    try:
-        async with asyncio.timeout(10):
-            while listener.problem:
-                car.put(topics.key("car1", topics.STATUS), topics.encode({"session": "0000cafe"}))
-                await asyncio.sleep(0.02)
-        (change,) = await listener.changes_since(100.0)
-    finally:
-        listening.cancel()
-        await asyncio.wait([listening])
-        await car.close()
+    await said_until(lambda: not listener.problem, car, session="0000cafe")
+    (change,) = await listener.changes_since(100.0)
     assert (change.stamp_s, change.new) == (110.0, 110.0)
 
 

@@ -15,14 +15,8 @@ from rosbags.typesys.store import Typestore
 
 from wallride.sim.recordings.messages import ACKERMANN, ACKERMANN_DEFINITIONS, LASER_SCAN, ODOMETRY
 
-REPOSITORY = Path(__file__).resolve().parents[3]
 Said = tuple[str, str, float, Any]
 """Topic, type, receive time in seconds, message."""
-
-
-@pytest.fixture
-def carried_bag() -> Path:
-    return REPOSITORY / "tests" / "data" / "urg04lx_people_40.bag"
 
 
 class Stage:

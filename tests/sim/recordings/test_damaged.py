@@ -1,5 +1,6 @@
 """Damaged files: every whole scan is saved, no broken one is, and the user is told how many there were."""
 
+import re
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -22,11 +23,6 @@ def test_every_scan_of_a_bag_whose_line_ends_were_converted_is_saved(shared_data
     assert "360 scans were saved" in recording.notes[0]
     assert np.all(np.abs(np.diff(recording.stamp_s) - 0.1) < 0.01), "10 Hz without a hole"
     assert recording.ranges_m.max() < 5.6
-
-
-def test_the_format_before_v2_is_refused(shared_data: Path) -> None:
-    with pytest.raises(RecordingError, match=r"old bag format \(#ROSRECORD V1\.2\).* rosbag fix"):
-        load_recording(shared_data / "damaged" / "rosrecord_v1_2.bag")
 
 
 def test_salvage_finds_in_a_healthy_bag_what_its_index_finds(carried_bag: Path) -> None:
@@ -68,6 +64,8 @@ def test_a_bag_cut_off_while_recording_keeps_its_start(carried_bag: Path, tmp_pa
     saved, whole = load_recording(cut), load_recording(carried_bag)
     assert abs(len(saved) - kept_bytes / 95405 * 40) < 3
     np.testing.assert_array_equal(saved.ranges_m, whole.ranges_m[: len(saved)])
+    assert saved.notes[0].startswith("cut.bag cannot be read in order (")
+    assert not re.search(r"\('|,\)", saved.notes[0]), "a sentence"
 
 
 def many_scans(stage: Any, count: int) -> list[Any]:
@@ -107,15 +105,6 @@ def test_a_cut_db3_keeps_what_comes_before_the_cut(ros2: Any, tmp_path: Path, ke
     assert len(recording) == pytest.approx(200 * kept_share, abs=6)
     np.testing.assert_array_equal(recording.ranges_m[:, 7], np.arange(len(recording)))
     assert f"{len(recording)} scans were saved" in recording.notes[0]
-
-
-def test_a_note_on_damage_is_a_sentence(carried_bag: Path, tmp_path: Path) -> None:
-    cut = tmp_path / "cut.bag"
-    cut.write_bytes(carried_bag.read_bytes()[: carried_bag.stat().st_size // 2])
-    note = load_recording(cut).notes[0]
-    assert note.startswith("cut.bag cannot be read in order (")
-    assert "('" not in note
-    assert ",)" not in note
 
 
 def test_a_database_that_leads_a_parser_astray_is_told_without_pythons_words(tmp_path: Path) -> None:

@@ -1,12 +1,10 @@
-"""A foreign recording that many tests read."""
-
-from pathlib import Path
+"""A recording that many tests read."""
 
 import pytest
 
-REPOSITORY = Path(__file__).resolve().parents[3]
+from wallride.sim.replay.drive_log import read_log
 
 
 @pytest.fixture(scope="session")
-def carried_bag() -> Path:
-    return REPOSITORY / "tests" / "data" / "urg04lx_people_40.bag"
+def log(dead_end):
+    return read_log(dead_end)

@@ -101,8 +101,3 @@ def test_the_carried_bag_replays_where_no_other_recording_is(carried_bag):
     log = open_any(carried_bag).log
     assert len(log.of(topics.SCAN)) == 40
     assert log.fact("source").startswith("urg04lx_people_40")
-
-
-def test_a_format_that_nobody_reads_any_more_is_refused(shared_data):
-    with pytest.raises(RecordingError, match="old bag format"):
-        open_any(shared_data / "damaged" / "rosrecord_v1_2.bag")

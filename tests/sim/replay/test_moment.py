@@ -8,15 +8,9 @@ import pytest
 from wallride.cli import main
 from wallride.runtime.recording.decision_log import DecisionEvent, FollowerEvent
 from wallride.sim.recordings import RecordingError
-from wallride.sim.replay.drive_log import read_log
 from wallride.sim.replay.moment import moment_at_scan, moment_at_time
 from wallride.sim.replay.reenact import duration_s, events_of
 from wallride.sim.replay.run import run_of
-
-
-@pytest.fixture(scope="module")
-def log(dead_end):
-    return read_log(dead_end)
 
 
 @pytest.fixture(scope="module")

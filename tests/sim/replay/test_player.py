@@ -2,17 +2,11 @@
 
 import pytest
 
+from tests.runtime.observed import HandClock
 from wallride.runtime.wire import topics
 from wallride.sim.replay.drive_log import DriveLog, LoggedMessage
 from wallride.sim.replay.keys import names, press
 from wallride.sim.replay.player import FASTEST, Player
-
-
-class Hand:
-    now_s = 100.0
-
-    def __call__(self):
-        return self.now_s
 
 
 def message(at_s, topic=topics.STATUS):
@@ -21,7 +15,7 @@ def message(at_s, topic=topics.STATUS):
 
 @pytest.fixture
 def clock():
-    return Hand()
+    return HandClock()
 
 
 def player_of(clock, **options):

@@ -1,7 +1,6 @@
 """The same code decides the same; another setting is found at the first scan that it changes."""
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -22,17 +21,21 @@ from wallride.sim.replay.drive_log import read_log
 from wallride.sim.replay.reenact import _Ranges, events_of, reenact
 
 
-@pytest.fixture(scope="module")
-def log(dead_end):
-    return read_log(dead_end)
+def decided(log, field="reason"):
+    return {fields[field] for _, fields in log.json("decision")}
+
+
+def alike(log):
+    """Return the verdict on a drive that is decided again as it was."""
+    verdict = reenact(log)
+    assert verdict.first is None
+    assert verdict.exact
+    return verdict
 
 
 def test_a_simulated_drive_is_decided_identically(log):
-    reasons = {fields["reason"] for _, fields in log.json("decision")}
-    assert any("slower" in reason for reason in reasons), "a graded limit depends on the clock to the microsecond"
-    verdict = reenact(log)
-    assert verdict.exact
-    assert verdict.first is None
+    assert any("slower" in one for one in decided(log)), "a graded limit depends on the clock to the microsecond"
+    verdict = alike(log)
     assert verdict.answers == 360
     assert verdict.duration_s == pytest.approx(9.0, abs=0.05)
     assert verdict.decisions >= 360
@@ -63,31 +66,20 @@ EVENTFUL = (
 )  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def eventful(tmp_path_factory) -> Path:
-    path: Path = tmp_path_factory.mktemp("drives") / "eventful.mcap"
+def test_people_settings_and_cables_are_replayed_too(tmp_path):
+    path = tmp_path / "eventful.mcap"
     record(path, seconds=6.0, events=EVENTFUL)
-    return path
-
-
-def test_people_settings_and_cables_are_replayed_too(eventful):
-    log = read_log(eventful)
-    winners = {fields["winner"] for _, fields in log.json("decision")}
-    assert {"teleop", "e-stop", "navigation", "nobody"} <= winners
-    verdict = reenact(log)
-    assert verdict.first is None
-    assert verdict.exact
-    assert verdict.decisions > 240
+    log = read_log(path)
+    assert {"teleop", "e-stop", "navigation", "nobody"} <= decided(log, "winner")
+    assert alike(log).decisions > 240
 
 
 def test_a_way_between_the_borders_that_is_kept_over_stops_and_lost_devices_is_replayed(tmp_path):
     path = tmp_path / "corridor.mcap"
     record(path, seconds=6.0, events=EVENTFUL, sections={"wall_follow": {"method": "corridor", "speed_mps": 1.5}})
     log = read_log(path)
-    assert "between the borders" in {fields["reason"] for _, fields in log.json("decision")}
-    verdict = reenact(log)
-    assert verdict.first is None
-    assert verdict.exact
+    assert "between the borders" in decided(log)
+    alike(log)
 
 
 def test_the_ramp_after_a_brake_of_the_motors_own_is_replayed(tmp_path):
@@ -98,9 +90,7 @@ def test_the_ramp_after_a_brake_of_the_motors_own_is_replayed(tmp_path):
     braked = [event.output for event in events_of(log) if isinstance(event, DecisionEvent) and event.output.braked]
     assert braked
     assert all(output.drive.speed_mps for output in braked)
-    verdict = reenact(log)
-    assert verdict.first is None
-    assert verdict.exact
+    alike(log)
 
 
 def test_another_gain_is_found_at_the_first_scan_that_it_changes(log):

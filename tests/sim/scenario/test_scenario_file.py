@@ -11,6 +11,7 @@ from wallride.sim.world.obstacles import Box, ConstantMotion, Round, StandingObs
 from wallride.sim.world.pose import Pose
 
 EXAMPLES = sorted((Path(__file__).parents[3] / "config" / "scenarios").glob("*.toml"))
+assert len(EXAMPLES) >= 5
 HEAD = 'world = "corridor"\nduration_s = 5.0\n'
 
 
@@ -124,7 +125,3 @@ def test_lines_are_found_through_comments_texts_and_lists_of_several_lines(tmp_p
         ("many", 0): 12, ("many", 0, "f"): 13, ("many", 1): 14, ("many", 1, "f"): 15, ("many", 1, "below"): 17,
         ("many", 1, "below", "h"): 18,
     }  # fmt: skip
-
-
-def test_there_are_examples():
-    assert len(EXAMPLES) >= 5

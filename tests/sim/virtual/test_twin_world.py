@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.runtime.observed import HandClock
 from wallride.drivers.api import Drive
 from wallride.sim.car.vehicle import BrakeDemand, SpeedDemand, Vehicle
 from wallride.sim.virtual.twin_world import TwinWorld, WorldMotor, demand_of
@@ -11,19 +12,9 @@ from wallride.sim.world.pose import Pose
 from wallride.sim.world.worlds import load_world
 
 
-class Hand:
-    """A clock that a hand moves."""
-
-    def __init__(self):
-        self.now_s = 0.0
-
-    def __call__(self):
-        return self.now_s
-
-
 @pytest.fixture
 def clock():
-    return Hand()
+    return HandClock(0.0)
 
 
 def test_nothing_moves_but_by_the_clock(clock):

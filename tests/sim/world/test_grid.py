@@ -48,7 +48,6 @@ def test_beams_along_the_grid_lines(bearing):
 
 
 @given(x=st.floats(0.0, 8.0), y=st.floats(0.0, 5.0), yaw=st.floats(-4, 4))
-@settings(max_examples=300, deadline=None)
 def test_clearance_agrees_with_segments(x, y, yaw):
     pose = Pose(x, y, yaw)
     if GRID.is_free(x, y):
@@ -94,7 +93,7 @@ def test_in_random_clutter_every_beam_ends_at_the_first_solid_cell(seed):
     solid[20, 20] = False
     grid = GridGeometry(solid, 1.0, Pose(0, 0, 0))
     x, y = 20 + rng.random(), 20 + rng.random()
-    bearings = rng.uniform(-math.pi, math.pi, 200)
+    bearings = rng.uniform(-math.pi, math.pi, 60)
     distances = grid.cast(x, y, bearings)
     for bearing, distance in zip(bearings, distances, strict=True):
         dx, dy = math.cos(bearing), math.sin(bearing)

@@ -77,7 +77,7 @@ def test_nothing_is_infinitely_far():
     x=st.floats(-4, 4), y=st.floats(-4, 4), yaw=st.floats(-4, 4), bx=st.floats(-3, 3), by=st.floats(-3, 3),
     turn=st.floats(0, 3),
 )  # fmt: skip
-@settings(deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_clearance_agrees_with_points_along_both_outlines(x, y, yaw, bx, by, turn):
     pose = Pose(x, y, yaw)
     walls = box(bx, by, 1.0, 0.6, turn)

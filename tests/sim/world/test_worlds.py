@@ -135,7 +135,7 @@ def test_the_way_through_the_curve_is_as_wide_as_it_says():
     assert world.clearance(Pose(x, y, math.pi / 4)) > 0
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(6))
 def test_clutter_is_repeatable_and_leaves_the_start_free(seed):
     first, again, other = (load_world("cluttered", seed=number) for number in (seed, seed, seed + 1))
     np.testing.assert_array_equal(first.outline_m, again.outline_m)

@@ -108,23 +108,21 @@ SOMETIMES = INIT + (
 )
 
 
-def test_a_failing_run_is_a_row_and_can_be_run_again(law_file, sweep_file, tmp_path, capsys):  # noqa: F811
+def test_a_failing_run_is_a_row_and_can_be_run_again(law_file, tmp_path, capsys):  # noqa: F811
     law = law_file(SOMETIMES)
     file = tmp_path / "law.toml"
     file.write_text(
         f'world = "straight"\nduration_s = 0.5\nlaw = "{law}"\n[grid]\nwall_follow.speed_mps = [1.0, 2.0]\n'
     )
-    assert run(options(file, "--jobs", 1)) == 1
-    said = capsys.readouterr().out
-    assert "2 made" in said
-    assert "1 failed" in said
+    for again, made in (([], "2 made"), ([], "0 made"), (["--again-failed"], "1 made")):
+        assert run(options(file, "--jobs", 1, *again)) == 1
+        assert made in (said := capsys.readouterr().out)
+        assert "1 failed" in said
     with open_table(file.with_suffix(".sqlite"), writes=False) as table:
         good, bad = sorted(table.runs(), key=lambda one: one.values["wall_follow.speed_mps"])
     assert good.error == ""
     assert good.figures["distance_m"] > 0
     assert f"LawError: {law} raised ZeroDivisionError" in bad.error
-    assert run(options(file, "--jobs", 1)) == 1
-    assert "0 made" in capsys.readouterr().out
     source = tmp_path / f"{law.partition(':')[0]}.py"
     source.write_text(source.read_text().replace("1 / 0", "Guidance(1.0, 0.0, 1.0)"))
     mended = subprocess.run(
@@ -132,18 +130,6 @@ def test_a_failing_run_is_a_row_and_can_be_run_again(law_file, sweep_file, tmp_p
         capture_output=True, check=True, env={"PYTHONPATH": str(Path(__file__).parents[4]), "PATH": ""},
     )  # fmt: skip
     assert "2 made" in mended.stdout
-
-
-def test_failed_runs_alone_are_run_again(law_file, tmp_path, capsys):  # noqa: F811
-    law = law_file(SOMETIMES)
-    file = tmp_path / "law.toml"
-    file.write_text(
-        f'world = "straight"\nduration_s = 0.5\nlaw = "{law}"\n[grid]\nwall_follow.speed_mps = [1.0, 2.0]\n'
-    )
-    assert run(options(file, "--jobs", 1)) == 1
-    capsys.readouterr()
-    assert run(options(file, "--jobs", 1, "--again-failed")) == 1
-    assert "1 made" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("arguments", [["--csv", "no/such/file.csv"], ["--table", "no/such/file.sqlite"]])
