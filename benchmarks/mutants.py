@@ -45,7 +45,7 @@ class Target:
 
 TARGETS: Final[Mapping[str, Target]] = {
     "queue": Target(
-        "wallride.runtime.arbitration.queues", (f"{ARBITRATION}test_queues.py", "tests/runtime/test_inbox.py")
+        "wallride.runtime.arbitration.queues", (f"{ARBITRATION}test_queues.py", f"{ARBITRATION}test_inbox.py")
     ),
     "command queue": Target("wallride.runtime.arbitration.command_queue", (f"{ARBITRATION}test_command_queue.py",)),
     "arbitration": Target("wallride.runtime.arbitration.command", (f"{ARBITRATION}test_command.py",)),
