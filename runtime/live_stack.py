@@ -33,7 +33,6 @@ class LiveStack:
         self.decision_log = decision_log
         self.clock: Clock = decision_log.clock
         self.queue = CommandQueue(settings.effective_order(), self.clock)
-        self.queue.on_put, self.queue.on_withdrawn = decision_log.add_command, decision_log.add_withdrawal
         self.laws = LiveLaws(settings.wall_follow, settings.safety, driven_car(settings), self.clock, course)
         self.course = course
         self.limiter = Limiter(limits(settings.car))

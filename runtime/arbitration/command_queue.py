@@ -1,7 +1,7 @@
 """The command queue: one slot per source, in the priority order of the mux, each entry with its expiry."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from wallride.drivers.api import Clock
 from wallride.runtime.arbitration.command import QueueEntry, Source
@@ -15,14 +15,11 @@ class CommandQueue(PriorityQueue[Source, QueueEntry]):
     valid. A task that keeps running on a frozen scan thus falls silent by itself.
 
     last_put_s: time of the last entry of any source; minus infinity before the first.
-    on_put, on_withdrawn: called with every entry (and its expiry), and with every one that was withdrawn.
     """
 
     def __init__(self, order: Sequence[Source], clock: Clock) -> None:
         super().__init__(clock)
         self.order = tuple(order)
-        self.on_put: Callable[[QueueEntry, float], None] = _forget
-        self.on_withdrawn: Callable[[Source], None] = _forget
         self._put_at_s: dict[Source, float] = {}
         self.last_put_s = -math.inf
 
@@ -37,19 +34,13 @@ class CommandQueue(PriorityQueue[Source, QueueEntry]):
         """Put an entry: it replaces the source's earlier one and wakes the mux."""
         self._put_at_s[entry.source] = self.last_put_s = self._clock()
         self.place(entry.source, entry, priority=self.order.index(entry.source), expires_at_s=expires_at_s)
-        self.on_put(entry, expires_at_s)
 
     def withdraw(self, source: Source) -> None:
         """Withdraw an entry, for example of a latched e-stop that was reset."""
         self.discard(source)
-        self.on_withdrawn(source)
         self.tick()
 
     def ages_s(self) -> Mapping[Source, float]:
         """Return the age of each source's last entry; sources without any entry are missing."""
         now_s = self._clock()
         return {source: now_s - put_s for source, put_s in self._put_at_s.items()}
-
-
-def _forget(*_: object) -> None:
-    """Ignore the event."""

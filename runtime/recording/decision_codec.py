@@ -11,17 +11,16 @@ from wallride.runtime.arbitration.command import Decision, DriveCommand, Output,
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.perception.own_parts import KnownParts
 from wallride.runtime.recording.decision_log import (
-    CommandEvent,
     DecisionEvent,
     Entry,
     Event,
     FollowerEvent,
     Heard,
+    OlderEvent,
     OwnPartsEvent,
     SafetyEvent,
     ScanEvent,
     SettingsEvent,
-    WithdrawalEvent,
 )
 from wallride.runtime.recording.own_parts_memory import known_parts
 from wallride.runtime.settings.tree import Settings
@@ -123,14 +122,6 @@ def _encode_follow(
     return [scan.sequence, batch.motor(motor), _times(times_s), _row(Guidance, guidance)]
 
 
-def _encode_say(_: _Batch, word: QueueEntry, expires_at_s: float) -> list[Any]:
-    return [_word(word), _plain(float(expires_at_s))]
-
-
-def _encode_silence(_: _Batch, source: Source) -> list[Any]:
-    return [source]
-
-
 def _encode_step(batch: _Batch, times_s: Sequence[float], elapsed_s: float, live: Heard, output: Output) -> list[Any]:
     words = {}
     for word in live:
@@ -156,8 +147,6 @@ _ENCODERS: Mapping[str, Any] = {
     "scan": _encode_scan,
     "look": _encode_look,
     "follow": _encode_follow,
-    "say": _encode_say,
-    "silence": _encode_silence,
     "step": _encode_step,
     "settings": _encode_settings,
     "parts": _encode_parts,
@@ -191,10 +180,8 @@ def _events(message: Mapping[str, Any]) -> Iterator[Event]:
                 sequence, motor, times_s, row = parts
                 guidance = read.row(Guidance, row)
                 yield FollowerEvent(number, sequence, _state(motors, motor), read.times(times_s), guidance)
-            case "say":
-                yield CommandEvent(number, read.word(parts[0]), float(parts[1]))
-            case "silence":
-                yield WithdrawalEvent(number, Source(parts[0]))
+            case "say" | "silence":
+                yield OlderEvent(number)
             case "step":
                 yield read.step(number, parts)
             case "settings":

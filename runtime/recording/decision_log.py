@@ -76,20 +76,10 @@ class FollowerEvent:
 
 
 @dataclass(frozen=True, slots=True)
-class CommandEvent:
-    """Entry of a source other than safety and navigation. The assessment in a speed limit is its plain verdict."""
+class OlderEvent:
+    """An entry that was put or withdrawn: earlier versions kept them beside the decisions, which have them too."""
 
     number: int
-    word: QueueEntry
-    expires_at_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class WithdrawalEvent:
-    """Withdrawal of a source's entry."""
-
-    number: int
-    source: Source
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,16 +116,7 @@ class OwnPartsEvent:
     parts: KnownParts | None
 
 
-Event = (
-    ScanEvent
-    | SafetyEvent
-    | FollowerEvent
-    | CommandEvent
-    | WithdrawalEvent
-    | DecisionEvent
-    | SettingsEvent
-    | OwnPartsEvent
-)
+Event = ScanEvent | SafetyEvent | FollowerEvent | OlderEvent | DecisionEvent | SettingsEvent | OwnPartsEvent
 LAWS = (Source.SAFETY, Source.NAVIGATION)  # a tuple is searched by identity first: five times as fast as a set
 Heard = Sequence[Source | QueueEntry]
 """The entries in force: a law's by its source, other sources' in full."""
@@ -178,15 +159,6 @@ class DecisionLog:
     def add_follower(self, scan: Scan, motor: MotorState | None, guidance: Guidance) -> None:
         """Note, after `begin`, what the follower answered."""
         self._entries.append((next(self._numbers), "follow", (scan, motor, self._end(), guidance)))
-
-    def add_command(self, word: QueueEntry, expires_at_s: float) -> None:
-        """Note an entry; those of the laws follow from their events and are left out."""
-        if word.source not in LAWS:
-            self._entries.append((next(self._numbers), "say", (word, expires_at_s)))
-
-    def add_withdrawal(self, source: Source) -> None:
-        """Note the withdrawal of an entry."""
-        self._entries.append((next(self._numbers), "silence", (source,)))
 
     def add_decision(self, elapsed_s: float, live: Sequence[QueueEntry], output: Output) -> None:
         """Note, after `begin`, a decision. live: the entries in force.

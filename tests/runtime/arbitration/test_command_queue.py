@@ -67,14 +67,11 @@ def test_a_word_without_an_expiry_lasts(queue):
     assert queue.live() == [STICK]
 
 
-def test_what_is_withdrawn_is_gone_told_and_wakes_the_mux(queue):
-    said, silenced = [], []
-    queue.on_put, queue.on_withdrawn = lambda *word: said.append(word), silenced.append
+def test_what_is_withdrawn_is_gone_and_wakes_the_mux(queue):
     queue.put(STICK, expires_at_s=11.0)
     queue.take_change()
     queue.withdraw(Source.TELEOP)
     assert queue.take_change()
-    assert (said, silenced) == ([(STICK, 11.0)], [Source.TELEOP])
     assert queue.live() == []
     queue.withdraw(Source.PERMIT)
 

@@ -26,14 +26,13 @@ from wallride.runtime.arbitration.command import (
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.recording.decision_codec import TapeError, decode, encode
 from wallride.runtime.recording.decision_log import (
-    CommandEvent,
     DecisionEvent,
     DecisionLog,
     FollowerEvent,
+    OlderEvent,
     SafetyEvent,
     ScanEvent,
     SettingsEvent,
-    WithdrawalEvent,
 )
 from wallride.runtime.settings.tree import Settings
 
@@ -161,18 +160,9 @@ def test_an_unchanged_word_is_written_once_per_message_and_again_in_the_next():
     assert set(play(entries[1])[0].words) == {Source.PERMIT}
 
 
-def test_words_of_the_laws_follow_from_their_events_and_are_left_out():
-    decision_log = DecisionLog(HandClock())
-    decision_log.add_command(SpeedLimit(Source.SAFETY, Verdict(1.0, 1.0, "clear"), 1.0), 2.0)
-    decision_log.add_command(DriveCommand(Source.NAVIGATION, Drive(1.0, 0.0), 1.0, "wall"), 2.0)
-    teleop = DriveCommand(Source.TELEOP, Drive(1.0, 0.0), None, "ann")
-    decision_log.add_command(teleop, 2.0)
-    decision_log.add_command(consent(Source.PERMIT, "yes"), math.inf)
-    decision_log.add_withdrawal(Source.ESTOP)
-    said, permitted, silenced = play(*decision_log.drain())
-    assert said == CommandEvent(0, teleop, 2.0)
-    assert permitted.expires_at_s == math.inf
-    assert silenced == WithdrawalEvent(2, Source.ESTOP)
+def test_the_entries_of_older_recordings_leave_no_gap():
+    payload = encode([(3, "parts", (None,))]).replace(b'[3,"parts",null]', b'[3,"silence","permit"]')
+    assert decode(payload) == [OlderEvent(3)]
 
 
 def test_settings_come_back_equal():
@@ -185,9 +175,9 @@ def test_settings_come_back_equal():
 def test_what_nobody_drained_is_lost_from_its_oldest_end_and_the_numbers_show_it():
     decision_log = DecisionLog(HandClock(), most=3)
     for _ in range(5):
-        decision_log.add_withdrawal(Source.PERMIT)
+        decision_log.add_own_parts(None)
     assert [event.number for event in play(*decision_log.drain())] == [2, 3, 4]
-    decision_log.add_withdrawal(Source.PERMIT)
+    decision_log.add_own_parts(None)
     assert [event.number for event in play(*decision_log.drain())] == [5]
 
 
@@ -218,7 +208,7 @@ def test_what_is_no_tape_is_refused(payload):
 
 def test_an_event_of_another_kind_is_refused():
     decision_log = DecisionLog(HandClock())
-    decision_log.add_withdrawal(Source.PERMIT)
-    payload = encode(decision_log.drain()).replace(b'"silence"', b'"shout"')
+    decision_log.add_own_parts(None)
+    payload = encode(decision_log.drain()).replace(b'"parts"', b'"shout"')
     with pytest.raises(TapeError, match="shout"):
         decode(payload)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from tests.runtime.observed import HandClock
 from wallride.drivers.api import Clock, Drive, MotorState
-from wallride.runtime.arbitration.command import DriveCommand, Source, arbitrate
+from wallride.runtime.arbitration.command import DriveCommand, QueueEntry, Source, arbitrate
 from wallride.runtime.arbitration.command_queue import CommandQueue
 from wallride.runtime.control.battery import BatterySettings
 from wallride.runtime.settings.tree import Settings
@@ -28,14 +28,22 @@ class Motor(MemoryMotor):
         return self.report
 
 
+class Noted(CommandQueue):
+    """A queue that keeps what was put."""
+
+    said: tuple[QueueEntry, ...] = ()
+
+    def put(self, entry, **expiry):
+        self.said += (entry,)
+        super().put(entry, **expiry)
+
+
 class Car:
     """A stick pushed for 3 m/s, and a battery."""
 
     def __init__(self):
         self.clock = HandClock(0.0)
-        self.queue = CommandQueue(ORDER, self.clock)
-        self.said = []
-        self.queue.on_put = lambda word, _: self.said.append(word)
+        self.queue = Noted(ORDER, self.clock)
         self.motor, self.rearmed = Motor(self.clock), []
         self.limit = BatteryLimit(BatterySettings(), self.motor, self.queue, self.rearmed.append)
         self.queue.put(DriveCommand(Source.TELEOP, Drive(3.0, 0.1), None, "ann drives"))
@@ -65,7 +73,7 @@ def test_it_holds_slows_and_stops_a_human_too_and_says_why():
     assert (empty.speed_mps, empty.reason) == (0.0, "battery empty: 9.4 V; charge or change it")
     assert car.rearmed == ["battery empty: 9.4 V; charge or change it; permit again"]
     assert car.limit.stop == empty.reason
-    assert len([word for word in car.said if word.source is Source.BATTERY]) == 4, "one word per change"
+    assert len([word for word in car.queue.said if word.source is Source.BATTERY]) == 4, "one word per change"
     assert car.shows(11.9, 2.2).speed_mps == 3.0
     assert car.limit.stop == ""
 

@@ -96,8 +96,8 @@ def record(
 
 def tape_over(car, decision_log):
     """Put everything that decides into the decision log."""
-    look, follow, step, put, withdraw = (
-        car.laws.look, car.laws.follow, car.mux.step, car.queue.put, car.queue.withdraw
+    look, follow, step = (
+        car.laws.look, car.laws.follow, car.mux.step
     )  # fmt: skip
     apply = car.apply
     last: list[float | None] = [None]
@@ -122,20 +122,11 @@ def tape_over(car, decision_log):
         decision_log.add_decision(elapsed_s, car.queue.live(), output)
         return output
 
-    def taped_put(word, *, expires_at_s=float("inf")):
-        put(word, expires_at_s=expires_at_s)
-        decision_log.add_command(word, expires_at_s)
-
-    def taped_withdraw(source):
-        withdraw(source)
-        decision_log.add_withdrawal(source)
-
     def taped_apply(settings, changed):
         apply(settings, changed)
         decision_log.add_settings(settings)
 
     car.laws.look, car.laws.follow, car.mux.step = taped_look, taped_follow, taped_step
-    car.queue.put, car.queue.withdraw = taped_put, taped_withdraw
     car.apply = taped_apply
     run_lidar = car.lidar.run
 
