@@ -49,6 +49,19 @@ async def test_every_dropped_connection_is_opened_again_at_once(tcp: MakeRig, mo
         assert rig.counts["reconnect"] == losses
 
 
+async def test_a_refused_connection_is_tried_until_it_succeeds(tcp: MakeRig) -> None:
+    emulator = sensor()
+    rig = await tcp(emulator)
+    await rig.ready()
+    emulator.refuse()
+    emulator.disconnect()
+    await rig.until(lambda: rig.counts.get("reconnect", 0) >= 2)
+    assert rig.link() is LinkState.ABSENT
+    assert "refused" in rig.health.message
+    emulator.listen_again()
+    await rig.lost_and_found()
+
+
 async def test_an_unplugged_cable_comes_back_under_the_same_name(serial: MakeRig) -> None:
     emulator = sensor(URG_04LX)
     rig = await serial(emulator, "?baud=115200")
