@@ -125,8 +125,9 @@ class Car:
         self.stages = StageTimer(clock)
         self._reading_s, self.scan_phase = around.reading_s, around.scan_phase
         self.mux = mux_task.Mux(
-            self.queue, motor, self.limiter, REQUIRED, self.decision_log.clock, self.stages, self.decision_log
-        )
+            self.queue, motor, self.limiter, REQUIRED, self.decision_log.clock, self.stages, self.decision_log,
+            self.stack.heed,
+        )  # fmt: skip
         self.standstill = Standstill(motor, lambda: self.mux.output, clock)
         self.pose = PoseTeller(around.course.name, lambda: self.laws.race) if around.course is not None else None
         self.joystick, self.computer, self._rehearsal = around.joystick, around.computer, around.rehearsal

@@ -5,7 +5,7 @@ read, and the answer goes into the command queue. `apply` changes all settings t
 """
 
 from wallride.drivers.api import Clock, Drive, MotorState, Scan
-from wallride.runtime.arbitration.command import DriveCommand, SafetyAssessment, Source, SpeedLimit
+from wallride.runtime.arbitration.command import Decision, DriveCommand, SafetyAssessment, Source, SpeedLimit
 from wallride.runtime.arbitration.command_queue import CommandQueue
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.laws import LiveLaws
@@ -64,6 +64,11 @@ class LiveStack:
         waits_s = self._rate.note(scan.stamp_s)
         self.queue.put(word, expires_at_s=scan.stamp_s + self.settings.wall_follow.expires_after_s + waits_s)
         return guidance
+
+    def heed(self, decision: Decision) -> None:
+        """Take note of what the mux has decided."""
+        if (recovery := self.laws.recovery) is not None:
+            recovery.driven = decision.driver is Source.NAVIGATION and decision.speed_mps != 0.0
 
     def locate(self, scan: Scan) -> PoseEstimate | None:
         """Return the pose at the scan that was answered last, by the same report; None without a map."""

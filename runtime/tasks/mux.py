@@ -24,7 +24,7 @@ class Mux:
     """Reads the commands and limits in force, calls `arbitrate`, limits the result and writes it to the motor.
 
     seconds_by_winner: total time that each source decided, by name; NO_WINNER for stops by default.
-    output: the last decision; its age is the evidence on which the watchdog is notified.
+    output: the last decision; its age is the evidence on which the watchdog is notified. heed: told each decision.
     """
 
     def __init__(
@@ -36,6 +36,7 @@ class Mux:
         clock: Clock,
         stages: StageTimer | None = None,
         decision_log: DecisionLog | None = None,
+        heed: Callable[[Decision], None] = lambda _: None,
     ) -> None:
         self._queue = queue
         self._motor = motor
@@ -44,6 +45,7 @@ class Mux:
         self._clock = clock
         self._stages = stages or StageTimer(clock)
         self._decision_log = decision_log or DecisionLog(clock, 0)
+        self._heed = heed
         self._last_s = clock()
         self._publish: Callable[[Output], None] = lambda _: None
         self.output: Output | None = None
@@ -85,6 +87,7 @@ class Mux:
             self._limiter.standstill()
         elif braked:
             self._limiter.braked()
+        self._heed(decision)
         self._account(decision, elapsed_s)
         self._last_s = now_s
         self.output = Output(now_s, drive, decision, delivered, braked)

@@ -69,7 +69,8 @@ class ReplayStack:
         self.queue, self.laws = self.stack.queue, self.stack.laws
         self.look, self.apply = self.stack.look, self.stack.apply
         untimed = StageTimer(lambda: 0.0)  # a replay's durations have no meaning
-        self.mux = Mux(self.queue, self.wire, self.limiter, REQUIRED, self.clock, untimed)
+        heed = self.stack.heed
+        self.mux = Mux(self.queue, self.wire, self.limiter, REQUIRED, self.clock, untimed, heed=heed)
 
     @property
     def settings(self) -> Settings:

@@ -105,10 +105,16 @@ class WayOutSearch:
 
 
 class Recovery:
-    """Tracks since when the car is boxed in, the running search, the leg being driven, and the earlier tries."""
+    """Tracks since when the car is boxed in, the running search, the leg being driven, and the earlier tries.
+
+    driven: whether the last decision of the mux moves the car by the follower's word: a leg without a permit, or under
+    an operator's hand, is no stall, and is given back after a while.
+    """
 
     def __init__(self, settings: RecoverySettings) -> None:
         self._settings = settings
+        self.driven = True
+        self._driven_s = -math.inf
         self._since_s: float | None = None
         self._boxed_s = -math.inf
         self._thought: WayOutSearch | None = None
@@ -163,7 +169,7 @@ class Recovery:
         if not self._is_boxed_in(assessment, wish):
             if now_s - self._boxed_s > FREE_FOR_S or abs(assessment.speed_mps) > STANDING_MPS:
                 self._forget()
-            if motor.distance_m - self._tried_at_m > self._settings.forgotten_after_m:
+            if abs(motor.distance_m - self._tried_at_m) > self._settings.forgotten_after_m:
                 self._tries, self._ends_m, self._refused = 0, [], frozenset()
             return NO_ADVICE
         if not believed:
@@ -268,6 +274,7 @@ class Recovery:
         self._begun_s = self._moving_s = now_s
         self._begun_m = motor.distance_m
         self._rolled_s, self._rolled_m = now_s + SETTLING_S, motor.distance_m
+        self._driven_s = self._rolled_s
 
     def _give_up(self, leg: Leg, motor: MotorState) -> None:
         """Drop the way; a leg that could not even be begun is not begun again from here."""
@@ -278,23 +285,34 @@ class Recovery:
             self._refused |= {(1 if leg.travel_m > 0 else -1, steering)}
         self._forget()
 
+    def _note_motion(self, now_s: float, motor: MotorState, *, blocked: bool) -> None:
+        if not blocked:
+            self._moving_s = now_s
+        if blocked or self.driven:
+            self._driven_s = now_s
+        if blocked or not self.driven or abs(motor.distance_m - self._rolled_m) > ROLLED_M:
+            self._rolled_s, self._rolled_m = now_s, motor.distance_m
+
+    def _give_back(self, leg: Leg, words: str) -> RecoveryAdvice:
+        """Stand, and drop the way as if it had not been tried."""
+        self._tries -= 1
+        self._ends_m.pop()
+        self._forget()
+        return RecoveryAdvice(Drive(0.0, leg.steering_rad), words)
+
     def _drive_leg(self, assessment: SweptAssessment, motor: MotorState) -> RecoveryAdvice:
         now_s, leg = assessment.view.scan.stamp_s, self._legs[0]
         words = f"{'backing' if leg.travel_m < 0 else 'turning'} out, try {self._tries} of {self._settings.tries}"
         if leg.travel_m < 0 and self._traffic.is_about:
-            self._tries -= 1
-            self._ends_m.pop()
-            self._forget()
-            return RecoveryAdvice(Drive(0.0, leg.steering_rad), TRAFFIC)
+            return self._give_back(leg, TRAFFIC)
         if now_s - self._begun_s < SETTLING_S:
             return RecoveryAdvice(Drive(0.0, leg.steering_rad), words)
         speed_mps = math.copysign(self._settings.speed_mps, leg.travel_m)
         verdict = assessment.ask(speed_mps, leg.steering_rad)
         blocked = (verdict.forward_mps if speed_mps > 0 else verdict.reverse_mps) <= 0
-        if not blocked:
-            self._moving_s = now_s
-        if blocked or abs(motor.distance_m - self._rolled_m) > ROLLED_M:
-            self._rolled_s, self._rolled_m = now_s, motor.distance_m
+        self._note_motion(now_s, motor, blocked=blocked)
+        if now_s - self._driven_s > STALLS_AFTER_S:
+            return self._give_back(leg, "waiting for the way to clear")
         if now_s - self._rolled_s > STALLS_AFTER_S:
             self._tries = self._settings.tries
             self._forget()

@@ -1,5 +1,6 @@
 """Scenarios in virtual time: the examples hold, and what does not hold is told."""
 
+import asyncio
 import json
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import pytest
 
 from tests.sim.scenario.test_scenario_file import EXAMPLES
 from tests.typed import typed
+from wallride.runtime.control.recovery.way_out import HELP
 from wallride.sim.lab.sweep.drive_cell import CellMistakeError, DriveCell, measure, setup_of
 from wallride.sim.races.mapped_lap import map_course, map_file
 from wallride.sim.races.race_cell import RaceCell, planned_line
@@ -18,7 +20,9 @@ from wallride.sim.scenario.command import run
 from wallride.sim.scenario.driven import DrivenScenario, judge
 from wallride.sim.scenario.scenario_file import load_scenario
 from wallride.sim.scenario.toml_lines import FileMistakeError
-from wallride.sim.scenario.virtual_drive import drive_scenario
+from wallride.sim.scenario.virtual_drive import Stage, drive_scenario
+from wallride.sim.virtual.twin_world import TwinWorld
+from wallride.sim.virtual.virtual_time import run_virtual
 from wallride.sim.world.pose import Pose
 
 options = partial(typed, "lab", "scenario")
@@ -43,6 +47,37 @@ def test_the_examples_hold(file, capsys):
     assert len(result["expectations"]) >= 3
     lines = file.read_text().splitlines()
     assert all(lines[one["line"] - 1] == "[[expect]]" for one in result["expectations"])
+
+
+BOXED_IN = """
+world = "straight"
+[settings]
+operator.permit = "required"
+recording.enabled = false
+process.state_folder = ""
+[[obstacle]]
+kind = "box"
+ahead_m = 0.7
+after_s = 3.0
+size_m = [0.3, 1.0]
+"""
+
+
+def test_a_permit_let_go_while_the_car_is_boxed_in_ends_no_way_out(file_of):
+    scenario = load_scenario(file_of(BOXED_IN))
+
+    async def driven():
+        loop = asyncio.get_running_loop()
+        twin = TwinWorld(scenario.world, loop.time, start=scenario.start, obstacles=scenario.obstacles)
+        stage = Stage(scenario.settings, twin)
+        permit = stage.car.permit
+        permit.grant(until_s=3.6)
+        loop.call_at(9.0, lambda: permit.grant(until_s=20.0))
+        return await stage.play(14.0)
+
+    reasons = run_virtual(driven()).reasons
+    assert HELP not in reasons
+    assert "turning out, try 1 of 6" in reasons
 
 
 def test_the_same_scenario_gives_the_same_drive(file_of):

@@ -47,6 +47,33 @@ def test_a_moving_car_is_not_asked_about():
     assert stage.guard.memory.braking
 
 
+def test_a_leg_that_the_mux_does_not_let_drive_is_given_back_and_driven_once_it_does():
+    stage = boxed_in()
+    pose, at_m = stage.pose, stage.way_m
+    stage.manoeuvres(lambda stage: stage.moves, most_s=6.0)
+    for driven, seconds in ((False, 0.7), (True, 0.3), (False, 8.0)):  # the operator lets go, as the car has stopped
+        stage.recovery.driven = driven
+        for _ in range(round(seconds / SCAN_S)):
+            stage.step()
+            stage.way_m, stage.speed_mps, stage.pose = at_m, 0.0, pose
+    waiting, backing = "waiting for the way to clear", "backing out, try 1 of 6"
+    assert stage.said[:4] == [waiting, backing, waiting, backing]
+    assert HELP not in stage.said
+    stage.recovery.driven = True
+    stage.manoeuvres(lambda stage: stage.clearance_m > 0.3)
+    assert stage.said[-1].endswith("try 1 of 6")
+
+
+def test_a_hand_that_backs_the_car_gives_the_tries_back():
+    stage = boxed_in()
+    stage.manoeuvres(lambda stage: stage.moves)
+    assert stage.recovery._tries == 1
+    stage.recovery.step(stage.assessment, None, None)
+    stage.surroundings, stage.way_m = room(), stage.way_m - 2.1
+    stage.step()
+    assert stage.recovery._tries == 0
+
+
 def wait(stage, monkeypatch, *episodes):
     """Let the car be boxed in or not for some time each, (seconds, boxed, speed), and say whether it set about it."""
     for seconds, boxed, speed_mps in episodes:
