@@ -357,7 +357,7 @@ class SweptAssessment:
     def _gaining(
         self, steering_rad: float, look_m: float, wanted_mps: float, reaction_s: float, way: JudgedWay | None
     ) -> Verdict:
-        """Allow the drive, unless accelerating takes grip from the bend and the wider bend leads to a contact.
+        """Allow the drive, unless accelerating takes all grip from the bend, or so much that the wider bend touches.
 
         On a promised way, unless it is too fast for a full brake from each of its points, or for what it hides.
         """
@@ -368,9 +368,10 @@ class SweptAssessment:
         if wanted_mps <= speed_mps + GAINS_MPS or not self.strip.needs_grip(steering_rad, wanted_mps, needy_mps2):
             return CLEAR
         found = self.strip.contact(steering_rad, look_m, faster_mps=wanted_mps)
-        if found is NOTHING:
+        bend_mps = self.strip.bend_mps(steering_rad)
+        if found is NOTHING and wanted_mps <= bend_mps:
             return CLEAR
-        held_mps = max(speed_mps, body.graded_mps(found, reaction_s), self.guard.settings.creep_mps)
+        held_mps = max(speed_mps, min(body.graded_mps(found, reaction_s), bend_mps), self.guard.settings.creep_mps)
         return Verdict(held_mps, NO_LIMIT_MPS, "no faster in this bend", found.travel_m)
 
     def _backward(self, steering_rad: float, reaction_s: float) -> Verdict:

@@ -132,6 +132,11 @@ class Strip:
         """Return whether the bend needs more grip than this at this speed."""
         return speed_mps * speed_mps * abs(math.tan(steering_rad)) > self.body.car.wheelbase_m * grip_mps2
 
+    def bend_mps(self, steering_rad: float) -> float:
+        """Return the speed at which the bend takes all of the assumed floor's grip."""
+        turn = abs(math.tan(steering_rad))
+        return math.sqrt(self.body.car.wheelbase_m * self.body.grip_mps2 / turn) if turn else math.inf
+
     def _sweep(
         self, steering_rad: float, length_m: float, direction: float, outline: Outline, faster_mps: float
     ) -> Contact:

@@ -11,7 +11,7 @@ from wallride.runtime.control.safety import swept_path
 from wallride.runtime.control.safety.footprint import contact_on_arc
 from wallride.runtime.control.safety.stopping import speed_to_stop_within_mps, stopping_distance_m
 from wallride.runtime.control.safety.swept_path import Strip
-from wallride.runtime.control.vehicle import GRAVITY_MPS2
+from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
 
 GRADED_MPS2 = 0.45 * 0.8 * GRAVITY_MPS2
 
@@ -158,8 +158,17 @@ def test_no_gain_of_speed_that_would_carry_the_car_out_of_its_bend():
     nearer = world((-2.0, -0.6, 1.4, -0.6), (1.4, -0.6, 1.4, 8.0))
     fast = judged(Car().look(nearer, speed_mps=2.0, wheel_rad=0.3), 4.0, 0.3)
     assert (fast.forward_mps, fast.reason) == (2.0, "no faster in this bend")  # and no slower: holding it passes
-    straight = judged(Car().look(world(), speed_mps=1.6, wheel_rad=0.3), 4.0, 0.3)
-    assert straight.forward_mps == math.inf
+    open_floor = Car().look(world(), speed_mps=1.6, wheel_rad=0.3)
+    assert judged(open_floor, 2.8, 0.3).forward_mps == math.inf
+
+
+@pytest.mark.parametrize("speed_mps", [1.6, 3.5])
+def test_nor_of_speed_at_which_the_tyres_cannot_hold_the_bend(speed_mps):
+    """Where it slides, its way is not the one that is judged; it is not braked for that either."""
+    verdict = judged(Car().look(world(), speed_mps=speed_mps, wheel_rad=0.3), 4.0, 0.3)
+    bend_mps = math.sqrt(0.8 * GRAVITY_MPS2 * CarSettings().wheelbase_m / math.tan(0.3))
+    assert verdict.reason == "no faster in this bend"
+    assert verdict.forward_mps == pytest.approx(max(speed_mps, bend_mps), rel=0.01)
 
 
 BESIDE_THE_BEND = (1.2, 0.4, 1.23, 0.3)
