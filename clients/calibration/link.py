@@ -167,6 +167,7 @@ class RemoteLink:
         """Take what waits: it is of a while ago, neither the car's present state nor time in which it drove."""
         self._settled_s = until_s = time.monotonic() + SETTLES_S
         while time.monotonic() < until_s or not self.seen.motor:
+            self._deadman.is_held()  # a terminal that is not asked for long counts as gone
             self.wait()
 
     def forget(self) -> None:

@@ -54,7 +54,7 @@ def stand(car: CalibratedCar, steering_rad: float = 0.0, scans: int = STAND_SCAN
     while not _stands(car):
         car.send(0.0, steering_rad)
         car.wait()
-        if car.now_s - begin_s > STANDS_WITHIN_S:
+        if car.now_s - begin_s > STANDS_WITHIN_S and not _stands(car):
             raise CalibrationError(
                 "the car does not come to a stop: is the brake current of the motor 0, or motor.brake_us no brake?"
             )

@@ -100,23 +100,28 @@ class HeldKeys:
         self._answers = answers
         self._answered_s = -math.inf
         self._down: set[str] = set()
+        self._held_over: set[str] = set()
         self._focused = True
-        self._event_s = self._stop_s = -math.inf
+        self._event_s = self._stop_s = self._gained_s = -math.inf
 
     def feed(self, event: KeyEvent, now_s: float) -> None:
-        """Process one event. Held is what was seen to go down: what repeats or was typed may have no release."""
+        """Process one event. Held is what was seen to go down: what was typed has no release."""
         match event:
             case Key(name, act):
                 if act is Act.PRESS:
                     self._down.add(name)
                 elif act is Act.RELEASE:
                     self._down.discard(name)
+                    self._held_over.discard(name)
+                elif act is Act.REPEAT and name not in self._down:
+                    self._held_over.add(name)
                 self._event_s = now_s
                 if act is not Act.RELEASE and name in BUTTON_KEYS[Control.ESTOP]:
                     self._stop_s = now_s
             case TerminalFocus(gained):
-                self._focused = gained
+                self._focused, self._gained_s = gained, now_s
                 self._down.clear()
+                self._held_over.clear()
             case TerminalAnswer():
                 self._answered_s = now_s
             case Quit():
@@ -130,7 +135,8 @@ class HeldKeys:
             trouble = "the keyboard is elsewhere: click here"
         elif self._answers and now_s - self._answered_s > SILENT_TERMINAL_S:
             trouble = "the terminal does not answer: it could not tell us of a released key"
-            self._down.clear()
+        elif self._held_over or now_s - self._gained_s <= REPEAT_GAP_S:  # what repeats was held before
+            trouble = "a key is held from before: release it"
         if trouble:
             return Inputs(Input.KEYBOARD, live=False, pressed=stop, device=self._device, trouble=trouble)
         moves = [DIRECTIONS[name] for name in self._down if name in DIRECTIONS]

@@ -5,14 +5,14 @@ finds modules beside it, and is found by processes that this one spawns. A proce
 that others may change: no law, no module that a law imports, and no package that happens to be missing.
 """
 
+import ast
 import importlib
 import os
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from importlib.machinery import ModuleSpec, PathFinder
-from modulefinder import ModuleFinder
 from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Final
@@ -107,11 +107,48 @@ def as_user_code_error(*passed: type[Exception]) -> Iterator[None]:
 
 def files_of(name: str, file: Path) -> tuple[Path, ...]:
     """Return the file of a module and those of the user that it imports, and they, anywhere in their code."""
-    finder = ModuleFinder([str(folder) for folder in _folders], excludes=["wallride"])
-    with suppress(Exception):  # what it cannot read or find was not imported either, or is of a notebook
-        finder.import_hook(name)
-    found = (getattr(module, "__file__", None) for module in finder.modules.values())
-    return tuple(sorted({file, *map(Path, filter(None, found))}))
+    found, waiting = {file}, [(name, file)]
+    while waiting:
+        for wanted in _imported(*waiting.pop()):
+            place = _place_of_module(wanted)
+            if place is not None and place not in found:
+                found.add(place)
+                waiting.append((wanted, place))
+    return tuple(sorted(found))
+
+
+def _imported(name: str, file: Path) -> Iterator[str]:
+    """Yield the names that a module may import, a package before what is in it; none where it is no source."""
+    try:
+        nodes = list(ast.walk(ast.parse(file.read_bytes())))
+    except (OSError, SyntaxError, ValueError):
+        return
+    package = name if file.name == "__init__.py" else name.rpartition(".")[0]
+    wanted = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    for node in nodes:
+        if isinstance(node, ast.ImportFrom):
+            above = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            base = ".".join(filter(None, [*above, node.module]))
+            wanted += [base, *(f"{base}.{alias.name}" for alias in node.names)]
+    for full in filter(None, wanted):
+        yield from _prefixes(full)
+
+
+def _place_of_module(name: str) -> Path | None:
+    """Return the file of a module in the user's folders; None where none of them has it, and for a bare folder."""
+    spec, folders = None, [str(folder) for folder in _folders]
+    for prefix in _prefixes(name):
+        spec = PathFinder.find_spec(prefix, folders) if prefix != "wallride" else None
+        if spec is None:
+            return None
+        folders = list(spec.submodule_search_locations or [])
+    return Path(spec.origin) if spec is not None and spec.has_location and spec.origin else None
+
+
+def _prefixes(name: str) -> Iterator[str]:
+    """Yield the packages of a dotted name from the outermost on, and the name."""
+    parts = name.split(".")
+    return (".".join(parts[: count + 1]) for count in range(len(parts)))
 
 
 def file_of(module: ModuleType) -> Path:

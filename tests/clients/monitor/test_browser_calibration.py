@@ -90,6 +90,17 @@ async def hold(tab, car):
     raise AssertionError(f"it never drives; {await tab.run(WORDS)}; {car.desk.view()}")
 
 
+async def test_a_wheelbase_that_the_file_would_not_take_is_refused_before_the_drive(scene, tab, car_toml):
+    async with scene.car() as car, scene.monitor(config=car_toml):
+        await watching(tab, scene)
+        await tab.run("document.querySelector('#calibration').open = true")
+        await tab.run("document.querySelector('#calibration-wheelbase').value = '0.6'")
+        await tab.click("#calibration-wish button")
+        await stage(tab, "ended")
+        assert "front_m = 0.42 is less than wheelbase_m = 0.6" in await tab.run(WORDS)
+        assert car.history[1:] == []
+
+
 async def test_a_step_is_driven_while_held_and_its_values_are_written_when_accepted(scene, tab, drive, car_toml):
     async with scene.car() as car, scene.monitor(config=car_toml):
         await begin(tab, scene)

@@ -45,15 +45,26 @@ def test_a_release_counts_at_once_and_a_lost_focus_releases_everything():
     keys.feed(TerminalFocus(gained=False), 1.1)
     assert not keys.inputs(1.1).live
     keys.feed(TerminalFocus(gained=True), 1.2)
-    assert keys.inputs(1.2).live
-    assert keys.inputs(1.2).released
+    assert not keys.inputs(1.3).live, "a key that is held would repeat now"
+    assert keys.inputs(1.4).live
+    assert keys.inputs(1.4).released
 
 
-@pytest.mark.parametrize("act", [Act.TYPED, Act.REPEAT])
-def test_what_was_not_seen_to_go_down_is_not_held_but_a_typed_space_stops(act):
+def test_a_key_that_is_held_from_before_counts_after_its_release():
+    keys = held("p")
+    for gained in (False, True):
+        keys.feed(TerminalFocus(gained=gained), 1.1)
+    keys.feed(Key("p", Act.REPEAT), 1.15)
+    assert (keys.inputs(1.5).live, keys.inputs(1.5).pressed) == (False, frozenset())
+    keys.feed(Key("p", Act.RELEASE), 1.6)
+    assert keys.inputs(1.6).live
+    assert held("p", keys=keys).inputs(1.7).autonomy
+
+
+def test_what_was_typed_is_not_held_but_a_space_stops():
     keys = HeldKeys("keys")
     for name in ("p", "shift", "w", "space"):
-        keys.feed(Key(name, act), 1.0)
+        keys.feed(Key(name, Act.TYPED), 1.0)
     assert keys.inputs(1.1).pressed == {Control.ESTOP}
     assert keys.inputs(1.1).speed == 0
     assert keys.inputs(1.2).released
@@ -67,7 +78,7 @@ def test_a_terminal_that_does_not_answer_is_not_believed():
     assert keys.inputs(1.5).manual
     assert not keys.inputs(1.7).live
     keys.feed(TerminalAnswer(11), 2.0)
-    assert keys.inputs(2.0).released
+    assert keys.inputs(2.0).manual, "it was not seen to go up"
 
 
 def typed(name, start_s, until_s, delay_s=0.5, period_s=0.04):

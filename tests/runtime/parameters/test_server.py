@@ -341,10 +341,8 @@ def many_malformed():
     return [malformed(chance) for _ in range(4_000)]
 
 
-NO_WISHES = itertools.product(
-    [KP, "safety.grip_mu", "car.name", "wall_follow.side", "nothing", "a.b.c", "", "mux.order", "."],
-    [99, -1, True, "", "\ud800", 1e308, 10**300, [], ["a"], -0.5, "NaN", "x" * 256],
-)
+NO_NAMES = (KP, "safety.grip_mu", "car.name", "wall_follow.side", "nothing", "a.b.c", "", "mux.order", ".")
+NO_VALUES = (99, -1, True, "", "\ud800", 1e308, 10**300, [], ["a"], -0.5, "NaN", "x" * 256)
 """Well-formed, and nobody may have them."""
 
 
@@ -371,7 +369,7 @@ def test_thousands_of_malformed_questions_are_counted_and_refused(what):
 
 def test_wishes_that_cannot_be_granted_change_nothing():
     room = Room()
-    for name, value in NO_WISHES:
+    for name, value in itertools.product(NO_NAMES, NO_VALUES):
         with pytest.raises(UnacceptableError) as caught:
             room.desk.set_some(json.dumps({"values": {name: value}}).encode())
         str(caught.value).encode()

@@ -76,10 +76,17 @@ def test_what_the_settings_of_a_law_raise_is_a_refusal_with_its_line(law_file):
 
 def test_the_files_of_a_law_are_its_own_and_those_of_the_users_that_it_imports(law_file, tmp_path):
     (tmp_path / "tools_22").mkdir()
-    written = [tmp_path / name for name in ("gains_22.py", "tools_22/__init__.py", "tools_22/fit.py")]
+    (tmp_path / "team_22" / "logging").mkdir(parents=True)
+    (tmp_path / "logging").mkdir()  # of runs, and no module's
+    texts = {
+        "gains_22.py": "import math", "tools_22/__init__.py": "from . import fit", "tools_22/fit.py": "import gains_22",
+        "team_22/tuning.py": "",
+    }  # fmt: skip
+    written = [tmp_path / name for name in texts]
     for file in written:
-        file.write_text("import math, gains_22\n")
+        file.write_text(texts[str(file.relative_to(tmp_path))])
     (tmp_path / "unused_22.py").write_text("")
-    name = law_file(STRAIGHT, head=f"{HEAD}def later():\n    from tools_22 import fit\n")
+    late = "def later():\n    import logging\n    from team_22.tuning import G\n    import tools_22\n"
+    name = law_file(STRAIGHT, head=HEAD + late)
     load_settings(None, [f"wall_follow.method={name}"], laws=True)
     assert set(loaded_files()) == {*written, tmp_path / f"{name[:-4]}.py"}

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.own_laws import INIT, law_file  # noqa: F401 - a fixture
+from tests.own_laws import HEAD, INIT, law_file  # noqa: F401 - a fixture
 from tests.typed import typed
 from wallride.sim.lab.sweep.command import run
 from wallride.sim.lab.sweep.table import open_table
@@ -103,13 +103,15 @@ def _count(table):
 
 SOMETIMES = INIT + (
     "def follow(self, scan, state):\n"
-    "    if state.desired_speed_mps > 1.5: return 1 / 0\n"
+    "    if state.desired_speed_mps > 1.5: 1 / zero_22.ZERO\n"
     "    return Guidance(1.0, 0.0, 1.0)\n"
 )
 
 
 def test_a_failing_run_is_a_row_and_can_be_run_again(law_file, tmp_path, capsys):  # noqa: F811
-    law = law_file(SOMETIMES)
+    zero = tmp_path / "zero_22.py"
+    zero.write_text("ZERO = 0\n")
+    law = law_file(SOMETIMES, head=f"{HEAD}import zero_22\n")
     file = tmp_path / "law.toml"
     file.write_text(
         f'world = "straight"\nduration_s = 0.5\nlaw = "{law}"\n[grid]\nwall_follow.speed_mps = [1.0, 2.0]\n'
@@ -123,8 +125,7 @@ def test_a_failing_run_is_a_row_and_can_be_run_again(law_file, tmp_path, capsys)
     assert good.error == ""
     assert good.figures["distance_m"] > 0
     assert f"LawError: {law} raised ZeroDivisionError" in bad.error
-    source = tmp_path / f"{law.partition(':')[0]}.py"
-    source.write_text(source.read_text().replace("1 / 0", "Guidance(1.0, 0.0, 1.0)"))
+    zero.write_text("ZERO = 1\n")
     mended = subprocess.run(
         [sys.executable, "-m", "wallride", "lab", "sweep", str(file), "--jobs", "1"], cwd=tmp_path, text=True,
         capture_output=True, check=True, env={"PYTHONPATH": str(Path(__file__).parents[4]), "PATH": ""},
