@@ -122,8 +122,7 @@ class Car:
         # Deciding code reads the time from the decision log, so that a replay can return the very same readings.
         self.stack = LiveStack(settings, self.decision_log, around.course)
         self.queue, self.laws, self.limiter = self.stack.queue, self.stack.laws, self.stack.limiter
-        self.stages = StageTimer(clock)
-        self._reading_s, self.scan_phase = around.reading_s, around.scan_phase
+        self.stages, self._reading_s, self.scan_phase = StageTimer(clock), around.reading_s, around.scan_phase
         self.mux = mux_task.Mux(
             self.queue, motor, self.limiter, REQUIRED, self.decision_log.clock, self.stages, self.decision_log,
             self.stack.heed,
