@@ -68,8 +68,9 @@ def pair(sent: Sequence[SentScan], commands: Sequence[MotorCommand]) -> AnswerTi
 class Onsets:
     """Reactions to boards that suddenly stand before the car.
 
-    onsets: those that met a moving car. slipped: moving commands that were computed from a blocked scan. stops_s: from
-    the first blocked scan to the first command that does not move.
+    onsets: those that met a moving car which had answered the scan before: one that its computer held up answers that
+    scan under the board. slipped: moving commands that were computed from a blocked scan. stops_s: from the first
+    blocked scan to the first command that does not move.
     """
 
     onsets: int = 0
@@ -91,7 +92,9 @@ def onsets(sent: Sequence[SentScan], commands: Sequence[MotorCommand]) -> Onsets
         free = next((later for later in sent[i:] if not later.blocked), None)
         first = bisect_right(times_s, scan.begun_s)
         last = bisect_right(times_s, free.begun_s) if free is not None else len(commands)
-        if first == 0 or not commands[first - 1].moving:
+        answers = range(max(1, bisect_right(times_s, sent[i - 1].begun_s)), first)
+        is_prompt = any(commands[k].servo != commands[k - 1].servo for k in answers)
+        if not is_prompt or not commands[first - 1].moving:
             continue
         found.onsets += 1
         under = commands[first:last]

@@ -7,6 +7,7 @@ from wallride.sim.bench.devices import MotorCommand
 from wallride.sim.bench.rig import SentScan
 
 FREE, BLOCKED = False, True
+BEFORE = (0.05, True, 490)
 
 
 def scans(*kinds):
@@ -40,24 +41,30 @@ def test_what_came_before_any_command_is_not_judged():
 
 
 def test_a_stop_after_a_board_is_timed_from_the_first_blocked_scan():
-    commands = told((0.15, True, 500), (0.205, False, 510), (0.305, False, 520))
+    commands = told(BEFORE, (0.15, True, 500), (0.205, False, 510), (0.305, False, 520))
     found = onsets(scans(FREE, BLOCKED, BLOCKED, FREE), commands)
     assert (found.onsets, found.slipped) == (1, 0)
     assert found.stops_s == [pytest.approx(0.004)]
 
 
 def test_a_repeated_older_command_has_not_slipped():
-    commands = told((0.15, True, 500), (0.202, True, 500), (0.205, False, 510))
+    commands = told(BEFORE, (0.15, True, 500), (0.202, True, 500), (0.205, False, 510))
     assert onsets(scans(FREE, BLOCKED, FREE), commands).slipped == 0
 
 
 @pytest.mark.parametrize("late", [((0.203, True, 520), (0.205, False, 510)), ((0.203, False, 510), (0.205, True, 510))])
 def test_a_moving_command_from_a_blocked_scan_has_slipped(late):
-    assert onsets(scans(FREE, BLOCKED, FREE), told((0.15, True, 500), *late)).slipped == 1
+    assert onsets(scans(FREE, BLOCKED, FREE), told(BEFORE, (0.15, True, 500), *late)).slipped == 1
+
+
+def test_an_onset_that_a_held_up_car_meets_proves_nothing():
+    """It answers the scan before the board under it."""
+    found = onsets(scans(FREE, BLOCKED, FREE), told(BEFORE, (0.202, True, 500), (0.204, False, 510)))
+    assert (found.onsets, found.slipped) == (0, 0)
 
 
 def test_an_onset_before_a_standing_car_proves_nothing():
-    assert onsets(scans(FREE, BLOCKED), told((0.15, False, 500), (0.205, False, 510))).onsets == 0
+    assert onsets(scans(FREE, BLOCKED), told(BEFORE, (0.15, False, 500), (0.205, False, 510))).onsets == 0
 
 
 def test_percentiles_of_nothing_are_nothing():
