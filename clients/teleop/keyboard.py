@@ -102,7 +102,7 @@ class HeldKeys:
         self._down: set[str] = set()
         self._held_over: set[str] = set()
         self._focused = True
-        self._event_s = self._stop_s = self._gained_s = -math.inf
+        self._event_s = self._stop_s = self._focus_s = -math.inf
 
     def feed(self, event: KeyEvent, now_s: float) -> None:
         """Process one event. Held is what was seen to go down: what was typed has no release."""
@@ -119,7 +119,7 @@ class HeldKeys:
                 if act is not Act.RELEASE and name in BUTTON_KEYS[Control.ESTOP]:
                     self._stop_s = now_s
             case TerminalFocus(gained):
-                self._focused, self._gained_s = gained, now_s
+                self._focused, self._focus_s = gained, now_s
                 self._down.clear()
                 self._held_over.clear()
             case TerminalAnswer():
@@ -135,7 +135,7 @@ class HeldKeys:
             trouble = "the keyboard is elsewhere: click here"
         elif self._answers and now_s - self._answered_s > SILENT_TERMINAL_S:
             trouble = "the terminal does not answer: it could not tell us of a released key"
-        elif self._held_over or now_s - self._gained_s <= REPEAT_GAP_S:  # what repeats was held before
+        elif self._held_over or now_s - self._focus_s <= REPEAT_GAP_S:  # what repeats was held before
             trouble = "a key is held from before: release it"
         if trouble:
             return Inputs(Input.KEYBOARD, live=False, pressed=stop, device=self._device, trouble=trouble)

@@ -1,4 +1,4 @@
-"""Cars on real sessions: one that says nothing, one that beats, and one that tells the same scan for ever."""
+"""Cars on real sessions: a silent one, one with heartbeats, and one with the telemetry of one scan for ever."""
 
 import asyncio
 import time
@@ -19,7 +19,7 @@ from wallride.runtime.wire.teleop import Beat, CarCondition, is_stop, read_comma
 
 
 class CarSession:
-    """A car's session at a free endpoint, while it is entered. What a car answers, a subclass lets it by `serve`."""
+    """A car's session at a free endpoint, open while it is entered. Subclasses answer in `serve`."""
 
     def __init__(self, name="car1", *, is_announced=True):
         self.bus = Bus(zenoh_config.car_config([free_endpoint()], None, (), name))

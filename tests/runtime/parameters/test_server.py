@@ -343,7 +343,7 @@ def many_malformed():
 
 NO_NAMES = (KP, "safety.grip_mu", "car.name", "wall_follow.side", "nothing", "a.b.c", "", "mux.order", ".")
 NO_VALUES = (99, -1, True, "", "\ud800", 1e308, 10**300, [], ["a"], -0.5, "NaN", "x" * 256)
-"""Well-formed, and nobody may have them."""
+"""Well-formed names and values, of which each pair is refused."""
 
 
 @pytest.mark.parametrize("what", ["list_all", "get_some", "set_some", "save", "configure", "past"])

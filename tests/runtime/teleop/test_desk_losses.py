@@ -145,7 +145,7 @@ def test_a_bystanders_goodbye_or_silence_means_nothing():
     assert rig.standing == "operator lost"
 
 
-def test_whoever_said_goodbye_is_gone_even_for_copies_of_its_last_commands(rig, ann):
+def test_an_operator_that_said_goodbye_is_gone_even_for_copies_of_its_last_commands(rig, ann):
     ann.send(NOTHING)
     ann.send(MANUAL)
     later = [ann.make(NOTHING), ann.make(MANUAL)]

@@ -118,7 +118,7 @@ def with_bytes(payload, at, raw):
 
 SPOILT = {
     "another version": (0, b"WRC2"),
-    "nobody's session": (4, bytes(8)),
+    "session 0": (4, bytes(8)),
     "an unknown flag": (24, b"\x81"),
     "an unknown input": (25, b"\x04"),
     "speed nan": (28, b"\x00\x00\xc0\x7f"),

@@ -44,7 +44,7 @@ async def said_until(met, car, **status):
 
 async def test_it_waits_for_the_runtime_and_then_keeps_the_newest(pair):
     listener, _, car = pair
-    await asyncio.sleep(0.05)  # the first attempt finds nobody
+    await asyncio.sleep(0.05)  # the first attempt finds no client
     await car.open()
     both = {topics.STATUS, topics.DISTANCE_ERROR}
     await said_until(lambda: set(listener.latest) == both, car, session="0000cafe", reason="wall", measure=math.nan)
@@ -62,7 +62,7 @@ async def test_what_another_start_of_the_car_says_is_not_taken_and_named(pair):
     assert not listener.latest
 
 
-async def test_it_can_be_called_off_while_nobody_listens(pair):
+async def test_it_can_be_called_off_while_no_client_listens(pair):
     _, listening, _ = pair
     await asyncio.sleep(0.05)
     listening.cancel()

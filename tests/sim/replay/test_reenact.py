@@ -8,7 +8,7 @@ import pytest
 
 from tests.sim.replay.recorded import record
 from wallride.drivers.api import Drive
-from wallride.runtime.arbitration.command import DriveCommand, Source, refusal
+from wallride.runtime.arbitration.command import NO_WINNER, DriveCommand, Source, refusal
 from wallride.runtime.recording import channels
 from wallride.runtime.recording.decision_log import DecisionEvent
 from wallride.runtime.recording.disk import Disk
@@ -70,7 +70,7 @@ def test_people_settings_and_cables_are_replayed_too(tmp_path):
     path = tmp_path / "eventful.mcap"
     record(path, seconds=6.0, events=EVENTFUL)
     log = read_log(path)
-    assert {"teleop", "e-stop", "navigation", "nobody"} <= decided(log, "winner")
+    assert {"teleop", "e-stop", "navigation", NO_WINNER} <= decided(log, "winner")
     assert alike(log).decisions > 240
 
 

@@ -185,7 +185,7 @@ def test_what_people_wrote_is_text_and_not_markup(run, monkeypatch):
     assert "&lt;b&gt;&amp;" in written
 
 
-def test_somebody_elses_drive_has_a_page_too(carried_bag):
+def test_a_foreign_drive_has_a_page_too(carried_bag):
     told = run_of(open_any(carried_bag).log)
     written = page(shown(told))
     assert "driven by another program" in written

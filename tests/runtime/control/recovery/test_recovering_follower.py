@@ -109,7 +109,7 @@ def test_a_stuck_driver_hides_no_other_reason_of_safety(caged):
     assert caged.decide(late).reason == "the scan is too old"
 
 
-def test_when_the_way_is_free_again_nobody_asks_for_help(caged):
+def test_when_the_way_is_free_again_no_help_is_asked_for(caged):
     cage, caged.rooms = caged.rooms, Car().rooms
     caged.go(1.0)
     caged.rooms = cage
