@@ -72,7 +72,7 @@ class LiveStack:
 
     def locate(self, scan: Scan) -> PoseEstimate | None:
         """Return the pose at the scan that was answered last, by the same report; None without a map."""
-        return self.course.localizer.take(scan, self.answered_with) if self.course is not None else None
+        return self.course.localizer.localize(scan, self.answered_with) if self.course is not None else None
 
     def apply(self, settings: Settings) -> None:
         """Apply other settings in one step: between two scans, never within one.

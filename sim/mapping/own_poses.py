@@ -70,7 +70,7 @@ def _found_again(log: DriveLog, known: CarMap, line: CourseLine | None) -> tuple
             ahead_s = messages[event.sequence].stamp_ns / NS - event.stamp_s
         elif isinstance(event, FollowerEvent) and (taken := scans.pop(event.sequence, None)) is not None:
             ranges_m = np.array(decode(messages[event.sequence]).ranges, np.float32)
-            found.append(localizer.take(taken.scan(ranges_m), event.motor))
+            found.append(localizer.localize(taken.scan(ranges_m), event.motor))
     return found, ahead_s
 
 

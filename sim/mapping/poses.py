@@ -55,7 +55,7 @@ def track(record: LapRecord, known: CarMap, start: tuple[float, float, float] | 
     """Return the poses of a drive on a map. start: a pose near which it begins, None for anywhere."""
     car = CarSettings(wheelbase_m=record.wheelbase_m, lidar_x_m=record.lidar_m.real, lidar_y_m=record.lidar_m.imag)
     localizer = Localizer(known.field, car, start, known.scale, WHOLE_SEARCH)
-    found = tuple(localizer.take(scan, motor) for scan, motor in moments(record))
+    found = tuple(localizer.localize(scan, motor) for scan, motor in moments(record))
     return track_of(found, record)
 
 

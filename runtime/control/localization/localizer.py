@@ -66,6 +66,8 @@ class PoseEstimate:
 class Localizer:
     """Tracks the pose on one map.
 
+    `take` follows a pose that is known; `localize` also searches for one, which takes longer than an answer may wait.
+
     start: a pose near which the car is at first, None where nothing is known of it.
     scale: true way over reported way, as far as it is known. search_parts: how much of a search is done at each scan.
     """
@@ -96,6 +98,7 @@ class Localizer:
         self._speed_mps = 0.0  # as the map has shown it last
         self._odometry = (0j, 0.0)  # place and heading since the search began
         self._newest: tuple[Scan, PoseEstimate] | None = None
+        self._to_search: ScanPoints | None = None  # the newest scan, until a search has gone on with it
         self._rest_until = (-math.inf, 0.0)  # time and way from which the next search may begin
 
     def either_way_round(self) -> Self:
@@ -109,10 +112,20 @@ class Localizer:
         return self._filter.scale
 
     def take(self, scan: Scan, motor: MotorState | None) -> PoseEstimate:
-        """Return where the car is at a scan; asked again for the newest, the same. motor: the newest report then."""
+        """Return where the car is at a scan; asked again for the newest, the same. motor: the newest report then.
+
+        What no `localize` has searched for since the scan before is searched for first.
+        """
         if self._newest is None or self._newest[0] is not scan:
+            self._search_on()
             self._newest = scan, self._located(scan, motor)
         return self._newest[1]
+
+    def localize(self, scan: Scan, motor: MotorState | None) -> PoseEstimate:
+        """Return where the car is at a scan, after the next part of a search where that is not known."""
+        self.take(scan, motor)
+        self._search_on()
+        return self.take(scan, motor)
 
     def _located(self, scan: Scan, motor: MotorState | None) -> PoseEstimate:
         since_s, self._stamp_s = scan.stamp_s - self._stamp_s, scan.stamp_s
@@ -188,7 +201,7 @@ class Localizer:
         )  # fmt: skip
 
     def _look_for(self, scan: Scan, step: WheelStep, points: ScanPoints) -> PoseEstimate:
-        """Search on, one part at each scan: a whole search takes longer than a scan may."""
+        """Carry what a search may have found along with the car."""
         place, yaw_rad = self._odometry
         way_m = self._filter.scale * step.way_m
         turn_rad = way_m * math.tan(step.steering_rad or 0.0) / self._car.wheelbase_m
@@ -196,16 +209,24 @@ class Localizer:
         if self._told is not None:
             self._told[1].predict(step)
             self._told[1].correct(points)
+        self._to_search = points
+        return self._unknown(scan)
+
+    def _search_on(self) -> None:
+        """Search on, one part at each scan: a whole search takes longer than a scan may."""
+        if self._newest is None or self._to_search is None:
+            return
+        scan, points, self._to_search = self._newest[0], self._to_search, None
         if self._searching is None:
             if points.places_m.size < LEAST_BEAMS or not self._may_search(scan):
-                return self._unknown(scan)
+                return
             self._odometry = (0j, 0.0)
             self._searching = self._places(points)
         for _, found in zip(range(self._search_parts), self._searching, strict=False):
             if found is not None:
                 self._searching = None
-                return self._found(scan, found)
-        return self._unknown(scan)
+                self._newest = scan, self._found(scan, found)
+                return
 
     def _may_search(self, scan: Scan) -> bool:
         until_s, way_m = self._rest_until

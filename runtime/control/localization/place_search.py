@@ -51,10 +51,41 @@ class Place:
     yaw_rad: float
     score: float
 
-    def is_apart(self, other: "Place") -> bool:
-        """Return whether another place is not the same one."""
-        away_m = math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
-        return away_m > APART_M or abs(math.remainder(self.yaw_rad - other.yaw_rad, math.tau)) > APART_RAD
+
+@dataclass(frozen=True, slots=True)
+class Candidates:
+    """Poses on the map, x + iy and yaw, with their scores; all of shape (n,)."""
+
+    places_m: Places
+    yaws_rad: Floats
+    scores: Floats
+
+    @classmethod
+    def joined(cls, *parts: "Candidates") -> "Candidates":
+        """Return those of several."""
+        return cls(
+            np.concatenate([part.places_m for part in parts]), np.concatenate([part.yaws_rad for part in parts]),
+            np.concatenate([part.scores for part in parts]),
+        )  # fmt: skip
+
+    def best(self, most: int) -> "Candidates":
+        """Return the best ones, the best first."""
+        first = np.argsort(-self.scores, kind="stable")[:most]
+        return Candidates(self.places_m[first], self.yaws_rad[first], self.scores[first])
+
+    def apart(self, most: int) -> list[Place]:
+        """Return the best ones that are apart from each other, the best first."""
+        left, chosen = self.best(self.scores.size), list[Place]()
+        while left.scores.size and len(chosen) < most:
+            place_m, yaw_rad = complex(left.places_m[0]), float(left.yaws_rad[0])
+            chosen.append(Place(place_m.real, place_m.imag, yaw_rad, float(left.scores[0])))
+            turned_rad = np.angle(np.exp(1j * (left.yaws_rad - yaw_rad)))
+            other = (np.abs(left.places_m - place_m) > APART_M) | (np.abs(turned_rad) > APART_RAD)
+            left = Candidates(left.places_m[other], left.yaws_rad[other], left.scores[other])
+        return chosen
+
+
+NONE: Final = Candidates(np.empty(0, np.complex128), np.empty(0), np.empty(0))
 
 
 class PlaceSearch:
@@ -79,32 +110,37 @@ class PlaceSearch:
         places.real, places.imag = x_m + np.repeat(steps_m, steps_m.size), y_m + np.tile(steps_m, steps_m.size)
         yaws = yaw_rad + np.arange(-AROUND_RAD, AROUND_RAD + 1e-9, STEP_RAD)
         cells = self._cells_of(places)
-        rough = [place for yaw in yaws for place in self._scored(points, places, cells, float(yaw))]
         told = self._laid(points, Place(x_m, y_m, yaw_rad, 0.0))
-        found = _apart([self._laid(points, place) for place in _apart(rough, REFINED)], REFINED)
+        if told.score >= ALIKE:
+            return [told]
+        rough = Candidates.joined(*(self._scored(points, places, cells, float(yaw)) for yaw in yaws))
+        found = _joined([self._laid(points, place) for place in rough.apart(REFINED)]).apart(REFINED)
         if found and told.score >= ALIKE * found[0].score:
             return [told]
         return found
 
     def anywhere(self, points: ScanPoints) -> Iterator[list[Place] | None]:
         """Search all free places: yield None after each part of the search, and the places, the best first, at last."""
-        rough: list[Place] = []
+        rough = NONE
         at_once, scored = max(1, LOOK_UPS // BEAMS), 0
         for yaw in np.arange(-math.pi, math.pi, STEP_RAD):
             for first in range(0, self._everywhere.size, at_once):
                 some = slice(first, first + at_once)
-                rough += self._scored(points, self._everywhere[some], self._cells[some], float(yaw))
+                more = self._scored(points, self._everywhere[some], self._cells[some], float(yaw))
+                rough = Candidates.joined(rough, more)
                 scored += self._cells[some].size
                 if scored >= at_once:
                     scored = 0
                     yield None
-            rough = sorted(rough, key=lambda place: -place.score)[:KEPT]
+            rough = rough.best(KEPT)
         laid: list[Place] = []
-        for number, place in enumerate(_apart(rough, REFINED), start=1):
+        apart = rough.apart(REFINED)
+        yield None
+        for number, place in enumerate(apart, start=1):
             laid.append(self._laid(points, place))
             if number % LAID_AT_ONCE == 0:
                 yield None
-        yield _apart(laid, REFINED)
+        yield _joined(laid).apart(REFINED)
 
     def _free_places(self, nearness: npt.NDArray[np.float32]) -> Places:
         field = self._field
@@ -118,20 +154,18 @@ class PlaceSearch:
         inside = (places - self._field.corner_m) / self._field.cell_m
         return np.floor(inside.imag).astype(np.intp) * self._width + np.floor(inside.real).astype(np.intp)
 
-    def _scored(self, points: ScanPoints, places: Places, cells: Numbers, yaw_rad: float) -> list[Place]:
+    def _scored(self, points: ScanPoints, places: Places, cells: Numbers, yaw_rad: float) -> Candidates:
         """Return the best of some places, in these cells, with one heading."""
         near = points.places_m[np.abs(points.places_m) < SEEN_M]
         if not near.size or not places.size:
-            return []
+            return NONE
         arms = near[:: max(1, near.size // BEAMS)] * cmath.exp(1j * yaw_rad)
         shifts = np.rint(arms / self._field.cell_m)
         ends = shifts.imag.astype(np.intp) * self._width + shifts.real.astype(np.intp)
         scores = mean_nearness(self._nearness, cells, ends)
         few = min(scores.size, KEPT_OF_HEADING)
         best = np.argpartition(-scores, few - 1)[:few]
-        return [
-            Place(float(places[index].real), float(places[index].imag), yaw_rad, float(scores[index])) for index in best
-        ]
+        return Candidates(places[best], np.full(few, yaw_rad), scores[best])
 
     def _laid(self, points: ScanPoints, place: Place) -> Place:
         filter_ = PoseFilter(self._field, self._wheelbase_m)
@@ -144,13 +178,10 @@ class PlaceSearch:
         return Place(x_m, y_m, yaw_rad, nearness_at(self._field, points, filter_.state))
 
 
-def _apart(places: list[Place], most: int) -> list[Place]:
-    """Return the best places that are apart from each other, the best first."""
-    chosen: list[Place] = []
-    for place in sorted(places, key=lambda place: -place.score):
-        if len(chosen) < most and all(place.is_apart(other) for other in chosen):
-            chosen.append(place)
-    return chosen
+def _joined(places: list[Place]) -> Candidates:
+    """Return places as candidates."""
+    rows = np.array([(place.x_m, place.y_m, place.yaw_rad, place.score) for place in places]).reshape(-1, 4)
+    return Candidates(rows[:, 0] + 1j * rows[:, 1], rows[:, 2], rows[:, 3])
 
 
 @accelerated

@@ -30,7 +30,7 @@ def stand(localizer, room, pose, *, scans=1, begin_s=0.0, **more):
     for number in range(scans):
         stamp_s = begin_s + number * PERIOD_S
         scan = room.scan(pose, stamp_s=stamp_s, noise_m=0.01, seed=number, number=number, **more)
-        found.append(localizer.take(scan, report(stamp_s)))
+        found.append(localizer.localize(scan, report(stamp_s)))
     return found
 
 
@@ -45,6 +45,20 @@ def test_it_begins_where_the_laps_begin(room, field, off):
     assert last.whereabouts is Whereabouts.LOCATED
     assert at(last) == pytest.approx(pose, abs=0.02)
     assert last.share > 0.95
+
+
+def test_the_answer_does_not_wait_for_a_search(room, field):
+    localizer, scan, wheels = Localizer(field, CAR, START), room.scan(START), report(0.0)
+    assert localizer.take(scan, wheels).whereabouts is Whereabouts.SEARCHING
+    assert localizer.localize(scan, wheels).whereabouts is Whereabouts.LOCATED
+    assert localizer.take(scan, wheels) is localizer.localize(scan, wheels)
+
+
+def test_the_next_scan_searches_for_what_nothing_has_searched_for(room, field):
+    localizer = Localizer(field, CAR, START)
+    scans = [room.scan(START, stamp_s=number * PERIOD_S, number=number) for number in range(2)]
+    found = [localizer.take(scan, report(scan.stamp_s)).whereabouts for scan in scans]
+    assert found == [Whereabouts.SEARCHING, Whereabouts.LOCATED]
 
 
 @pytest.mark.parametrize("pose", [ELSEWHERE, (10.0, 5.9, -1.5)])
@@ -82,7 +96,7 @@ def test_a_start_among_people_is_compared_with_the_whole_map_and_taken(room, fie
     found = []
     for number in range(300):
         scan = room.scan(START, stamp_s=number * PERIOD_S, noise_m=0.01, seed=number)
-        found.append(localizer.take(among_people(scan), report(scan.stamp_s)))
+        found.append(localizer.localize(among_people(scan), report(scan.stamp_s)))
     assert found[0].whereabouts is Whereabouts.SEARCHING
     assert at(found[-1]) == pytest.approx(START, abs=0.03)
 
@@ -95,7 +109,7 @@ def test_a_doubted_start_is_followed_by_the_scans_while_the_whole_map_is_searche
         stamp_s, way_m = number * PERIOD_S, 4.0 * number * PERIOD_S
         pose = (way_m, -0.02 * way_m**2, -0.04 * way_m)
         scan = room.scan(pose, stamp_s=stamp_s, noise_m=0.01, seed=number)
-        last = localizer.take(among_people(scan), report(stamp_s, 1.03 * way_m, speed_mps=4.12))
+        last = localizer.localize(among_people(scan), report(stamp_s, 1.03 * way_m, speed_mps=4.12))
         if located is None and last.whereabouts is Whereabouts.LOCATED:
             located = number
             assert way_m > 1.0
@@ -128,7 +142,7 @@ def carried(localizer, room, *, way_m=0.0, told=True, to=(-0.3, 0.2, -0.5)):
         stamp_s, is_there = 0.5 * number, number > 3
         pose = to if is_there else (9.9, 0.2, 0.5)
         wheels = report(stamp_s, 40.0 + (way_m if is_there else 0.0)) if told else None
-        last = localizer.take(room.scan(pose, stamp_s=stamp_s, noise_m=0.01, seed=number, number=number), wheels)
+        last = localizer.localize(room.scan(pose, stamp_s=stamp_s, noise_m=0.01, seed=number, number=number), wheels)
     return last
 
 
@@ -197,7 +211,7 @@ def test_people_over_half_of_the_view_are_no_evidence_either(room, field):
     stand(localizer, room, START, scans=8)
     for number in range(60):
         scan = room.scan(START, stamp_s=(8 + number) * PERIOD_S, noise_m=0.01, seed=number)
-        last = localizer.take(among_people(scan), report(scan.stamp_s))
+        last = localizer.localize(among_people(scan), report(scan.stamp_s))
         assert last.whereabouts is Whereabouts.LOCATED
     assert at(last) == pytest.approx(START, abs=0.02)
 
@@ -213,7 +227,7 @@ def test_a_pose_that_turns_the_other_way_than_the_wheels_is_lost(steers, lost):
         scan = room.scan(pose, stamp_s=stamp_s, noise_m=0.01, seed=number, number=number)
         steering_rad = steers * math.atan(CAR.wheelbase_m / radius_m)
         wheels = report(stamp_s, 0.05 * number, 2.0, steering_rad)
-        whereabouts.add(localizer.take(among_people(scan), wheels).whereabouts)
+        whereabouts.add(localizer.localize(among_people(scan), wheels).whereabouts)
     assert Whereabouts.LOCATED in whereabouts
     assert (Whereabouts.LOST in whereabouts) is lost
 
@@ -224,7 +238,7 @@ def test_it_rolls_on_with_the_wheels_and_without_their_reports(room, field):
         for number in range(200):
             stamp_s, way_m = number * PERIOD_S, 0.05 * number * (number < 90)
             scan = room.scan((min(way_m, 9.0), 0.1, 0.0), stamp_s=stamp_s, noise_m=0.01, seed=number)
-            last = localizer.take(scan, report(stamp_s, way_m, 2.0) if reports else None)
+            last = localizer.localize(scan, report(stamp_s, way_m, 2.0) if reports else None)
             if number == 85:
                 break
         assert last.whereabouts is Whereabouts.LOCATED
