@@ -110,6 +110,8 @@ KERNEL(ends_of_beams);
 KERNEL(beside_path_m);
 KERNEL(sweep_path);
 KERNEL(slide_room_m);
+KERNEL(drive_promise);
+KERNEL(first_hidden);
 KERNEL(mean_nearness);
 KERNEL(free_beside_m);
 KERNEL(match_scan);

@@ -97,7 +97,7 @@ static PyMethodDef functions[] = {
     ENTRY(find_dirt), ENTRY(find_near_places), ENTRY(watch_sectors), ENTRY(roll_out_all), ENTRY(places_behind),
     ENTRY(learn_noise_m), ENTRY(lay_on_lines), ENTRY(beside_path_m), ENTRY(sweep_path), ENTRY(slide_room_m),
     ENTRY(mean_nearness), ENTRY(free_beside_m), ENTRY(match_scan), ENTRY(seen_again), ENTRY(expected_m), ENTRY(over),
-    ENTRY(set_constant), ENTRY(lay_over), ENTRY(ends_of_beams),
+    ENTRY(set_constant), ENTRY(lay_over), ENTRY(ends_of_beams), ENTRY(drive_promise), ENTRY(first_hidden),
     ENTRY(usable_ranges), ENTRY(cast_cells), ENTRY(cast_walls),
     {NULL, NULL, 0, NULL},
 };

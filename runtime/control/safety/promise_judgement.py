@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wallride.drivers.accelerated import accelerated
 from wallride.drivers.value import value
 from wallride.runtime.arbitration.command import NO_LIMIT_MPS, Verdict
 from wallride.runtime.arbitration.promise import Promise
@@ -283,14 +284,24 @@ def _braking_room_m(strip: Strip, way: PromisedWay, look_m: float) -> tuple[Floa
 def _hidden_m(view: View, way: PromisedWay, front_m: float) -> float:
     """Return the way to where the nose would be behind something that is seen; infinity without such a place."""
     scan = view.scan
-    nose = way.path.place_m + front_m * way.path.heading - view.lidar_m
-    bearings_rad = np.arctan2(nose.imag, nose.real)
-    beams = np.rint((bearings_rad - scan.angle_min_rad) / scan.angle_step_rad).astype(np.int64)
-    width = max(1, round(SIGHT_RAD / abs(scan.angle_step_rad)))
+    nose_m = way.path.place_m + front_m * way.path.heading - view.lidar_m
+    first = first_hidden(nose_m, view.ranges_m, scan.angle_min_rad, scan.angle_step_rad)
+    return float(way.path.travel_m[first]) if first >= 0 else math.inf
+
+
+@accelerated
+def first_hidden(nose_m: Places, ranges_m: Floats, first_rad: float, step_rad: float) -> int:
+    """Return the first of some places (n,) in the lidar frame that is hidden by a scan or beside it; -1 for none.
+
+    ranges_m: (beams,), of beams from first_rad on, in steps.
+    """
+    bearings_rad = np.arctan2(nose_m.imag, nose_m.real)
+    beams = np.rint((bearings_rad - first_rad) / step_rad).astype(np.int64)
+    width = max(1, round(SIGHT_RAD / abs(step_rad)))
     window = beams[:, None] + np.arange(-width, width + 1)
-    outside = (window < 0) | (window >= view.ranges_m.size)
-    ranges_m = view.ranges_m.take(window, mode="clip")
-    nearer = (ranges_m < (np.abs(nose) - SIGHT_SPARE_M)[:, None]) | outside  # NaN is no echo: the law of visibility
+    outside = (window < 0) | (window >= ranges_m.size)
+    seen_m = ranges_m.take(window, mode="clip")
+    nearer = (seen_m < (np.abs(nose_m) - SIGHT_SPARE_M)[:, None]) | outside  # NaN is no echo: the law of visibility
     hidden = nearer.sum(axis=1) > width
     first = int(hidden.argmax())
-    return float(way.path.travel_m[first]) if hidden[first] else math.inf
+    return first if hidden[first] else -1

@@ -8,10 +8,11 @@ that no promise makes the car slower than it is. In a bend the nose points inwar
 
 import cmath
 import math
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from wallride.drivers.accelerated import accelerated
 from wallride.drivers.value import value
 from wallride.runtime.arbitration.promise import Promise
 from wallride.runtime.control.perception.geometry import Floats, Places
@@ -35,6 +36,8 @@ CORRECTS_RAD: Final = 0.15
 """Largest angle beside the path's own by which a fast source corrects itself: the wheels may just stand at it."""
 GRIP_SPARE = 1.3
 """Share of the grip up to which a path is believed: its curvature is read from points. Above 1 the speed is limited."""
+ROUNDING: Final = 1e-9
+"""Part of a chord that is none: a corner of a path is the end of one chord and the begin of the next."""
 AHEAD_M = 2.0
 """Part of a path in which the car looks for its own place."""
 
@@ -44,6 +47,8 @@ GAPS = "its path has gaps"
 TOO_SHORT = "its path is shorter than a stop"
 CANNOT_STEER = "no wheels steer so"
 NO_GRIP = "faster than the floor's grip"
+REFUSALS: Final = (GAPS, NOT_HERE, TOO_SHORT, CANNOT_STEER, NO_GRIP)
+"""Reasons of `drive_promise`, by number."""
 
 
 class Unbelievable(NamedTuple):
@@ -101,6 +106,36 @@ def points_of(promise: Promise) -> tuple[Places, Floats] | Unbelievable:
 
 def way_of(places_m: Places, speed_mps: Floats, car: Roadworthy, look_m: float) -> PromisedWay | Unbelievable:
     """Return the way of a promised path from the car on, at least look_m long; or why the car cannot drive it."""
+    driven = drive_promise(places_m, speed_mps, car, look_m)
+    if isinstance(driven, int):
+        return Unbelievable(REFUSALS[driven])
+    travel_m, place_m, heading, curvature, course, speeds_mps, promised_m = driven
+    return PromisedWay(AxlePath(travel_m, place_m, heading, curvature), course, speeds_mps, promised_m)
+
+
+def _flat_promise(places_m: Places, speed_mps: Floats, car: Roadworthy, look_m: float) -> tuple[Any, ...]:
+    return places_m, speed_mps, look_m, *car
+
+
+Driven = tuple[Floats, Places, Places, Floats, Places, Floats, float]
+
+
+@accelerated(flat=_flat_promise)
+def drive_promise(places_m: Places, speed_mps: Floats, car: Roadworthy, look_m: float) -> Driven | int:
+    """Return travel, place, heading, curvature, course, speed and promised_m of `way_of`; or the number of a refusal.
+
+    places_m, speed_mps: (n,), n >= 2, finite.
+    """
+    way = _resampled(places_m, speed_mps, car, look_m)
+    if isinstance(way, Unbelievable):
+        return REFUSALS.index(way.reason)
+    path = way.path
+    return (
+        path.travel_m, path.place_m, path.heading, path.curvature_per_m, way.course, way.speed_mps, way.promised_m,
+    )  # fmt: skip
+
+
+def _resampled(places_m: Places, speed_mps: Floats, car: Roadworthy, look_m: float) -> PromisedWay | Unbelievable:
     cut = _from_here(places_m, speed_mps)
     if isinstance(cut, Unbelievable):
         return cut
@@ -154,7 +189,8 @@ def _from_here(places_m: Places, speed_mps: Floats) -> tuple[Floats, Places, Flo
     left_m = float(along_m[-1]) - here_m
     if left_m < MIN_SPACING_M:
         return Unbelievable(TOO_SHORT)
-    count = max(2, math.ceil(left_m / max(MIN_SPACING_M, left_m / max(1, gaps_m.size - first))) + 1)
+    chords_left = max(1.0, gaps_m.size - first - float(share[first]))
+    count = max(2, math.ceil(min(left_m / MIN_SPACING_M, chords_left) - ROUNDING) + 1)
     at_m = here_m + left_m * np.arange(count) / (count - 1)
     return at_m - here_m, np.interp(at_m, along_m, places_m), np.interp(at_m, along_m, speed_mps)
 

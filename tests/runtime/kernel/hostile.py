@@ -28,7 +28,7 @@ from wallride.runtime.control.corridor_following.borders import CourseBorders
 from wallride.runtime.control.localization.line_field import field_of_cells
 from wallride.runtime.control.localization.localizer import Localizer
 from wallride.runtime.control.perception import geometry
-from wallride.runtime.control.safety import footprint
+from wallride.runtime.control.safety import footprint, promise_judgement, promised_way
 from wallride.runtime.control.vehicle import CarSettings
 
 MAX_CALL_S = 20.0
@@ -77,6 +77,9 @@ def _look_along_ways(random):
         footprint.first_contact(path, footprint.Outline(0.45, 0.05, 0.2), places_m)
         footprint.slide_room_m(path.place_m, path.heading, places_m, 0.45, 0.2)
         geometry.beside_path_m(places_m, path.place_m)
+        car = promised_way.Roadworthy(3.0, 0.05, 0.05, 3.2, 0.33, 0.34, 7.85, 0.023, 4.0)
+        promised_way.way_of(path.place_m - path.place_m[0], np.full(path.place_m.size, 3.0), car, 6.0)
+        promise_judgement.first_hidden(path.place_m, random.uniform(0.5, 9.0, 361), -1.5, 0.0087)
         bending.bounds_of(path.place_m, path.heading, CourseBorders(places_m[:200], places_m[200:]))
 
 

@@ -14,6 +14,7 @@ from wallride.runtime.control.perception.odometry import OdometryState
 from wallride.runtime.control.perception.window_dirt import Evidence, LearningShares
 from wallride.runtime.control.safety.footprint import AxlePath, Outline
 from wallride.runtime.control.safety.manoeuvre_rollout import RolloutStart
+from wallride.runtime.control.safety.promised_way import Roadworthy
 from wallride.runtime.control.wall_following.ball_law import Aim, Steered
 from wallride.runtime.control.wall_following.ball_path import Ball, BallPath
 from wallride.runtime.control.wall_following.followed_wall import FollowedWall
@@ -135,6 +136,10 @@ def _rollouts(points_m, steering_rad, brake_mps2, grip_mps2, past_rad, coming_ra
     return points_m, steering_rad, brake_mps2, grip_mps2, (past_rad, coming_rad), RolloutStart(*start)
 
 
+def _promise(places_m, speed_mps, look_m, *car):
+    return places_m, speed_mps, Roadworthy(*car), look_m
+
+
 STRUCTURES: dict[str, Callable[..., Any]] = {
     "fit_wall_line": _fit,
     "lay_on_lines": _laying,
@@ -154,5 +159,6 @@ STRUCTURES: dict[str, Callable[..., Any]] = {
     "find_dirt": _found,
     "sweep_arc": _sweep,
     "sweep_path": _path,
+    "drive_promise": _promise,
     "roll_out_all": _rollouts,
 }
