@@ -15,6 +15,8 @@ from wallride.clients.calibration.steps import (
     DrivenStep,
     arcs,
     braking,
+    check_forward,
+    lidar_place_m,
     room,
 )
 from wallride.clients.calibration.ways import CalibratedCar, CalibrationError
@@ -25,6 +27,8 @@ from wallride.runtime.calibration.throttle_fit import fit_throttle
 
 NO_DELAY = "delay: it compares commands with the motor's own report, which a car by servo pulses has not; left out"
 BEHIND = " Leave 0.5 m behind it, as it rolls out backward, and keep its switch within reach."
+TURNED_RAD = 0.15
+"""Angle by which a lidar is turned from which on its scans do not tell how far the car drove: by more than 1 %."""
 MIN_BRAKE_MPS2 = 1.0
 """Deceleration below which a pulse does not count as a brake: a car that rolls out has up to half of it."""
 
@@ -49,7 +53,10 @@ def _throttle(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Propo
     pulsed, now = cast("PulsedCar", car), so_far.now
     begun = {**now, **pulse_ways.find_range(pulsed, now)}
     way = math.copysign(1.0, begun[proposals.FORWARD] - begun[proposals.NEUTRAL])
-    fit = fit_throttle(pulse_ways.drive_speeds(pulsed, begun), way)
+    begin_s = car.now_s
+    speeds = pulse_ways.drive_speeds(pulsed, begun)
+    check_forward(car.seen.trace().between(begin_s, car.now_s), now, TURNED_RAD)
+    fit = fit_throttle(speeds, way)
     if fit.forward_us.why:
         raise CalibrationError(fit.forward_us.why)
     found = list(proposals.of_throttle(fit, now))
@@ -77,8 +84,7 @@ def _ends(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Proposal]
     now, begin_s = so_far.now, car.now_s
     pulse_ways.drive_locks(car, now[proposals.MOST_STEERING])
     trace = car.seen.trace().between(begin_s, car.now_s)
-    lidar_m = now[proposals.LIDAR_X], now[proposals.LIDAR_Y]
-    locks = measure_locks(trace, so_far.arcs.ignored, now[proposals.WHEELBASE], lidar_m)
+    locks = measure_locks(trace, so_far.arcs, now[proposals.WHEELBASE], lidar_place_m(now))
     for side in (1, -1):
         of_side = [(commanded, driven) for commanded, driven in locks if commanded * side > 0]
         if of_side:

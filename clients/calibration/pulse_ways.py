@@ -41,8 +41,9 @@ NO_MOTION = (
 )
 MOVES = "the car moves at {:.0f} us, which is to be its neutral: see motor.neutral_us, or teach the ESC its neutral"
 BACKWARD = (
-    "the car drove backward by a pulse that is to drive forward: swap two cables of its motor, or exchange"
-    " motor.forward_us and motor.reverse_us"
+    "by the scans the car drove backward by a pulse that is to drive forward: swap two cables of its motor, or exchange"
+    " motor.forward_us and motor.reverse_us; did you see it drive forward? then the lidar is turned by 180 degrees, see"
+    " lidar.yaw_rad"
 )
 NO_BRAKE = "the car drove backward by its brake pulse: set the ESC to forward, brake and reverse"
 NO_REVERSE = "no pulse down to {:.0f} us drove the car backward: set the ESC to forward, brake and reverse"

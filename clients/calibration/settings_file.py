@@ -82,7 +82,7 @@ def undo_file(path: Path) -> Path:
 
 def _read(path: Path) -> tuple[str, dict[str, Any]]:
     try:
-        text = path.read_bytes().decode()
+        text = path.read_bytes().decode("utf-8-sig")
         return text, tomllib.loads(text)
     except (OSError, RecursionError, ValueError) as error:
         raise StoreError(f"{path}: cannot be edited: {error}") from None
@@ -110,4 +110,4 @@ def _replace(path: Path, text: str) -> None:
         except (SettingsError, ValidationError) as error:
             raise StoreError(f"{str(error).replace(str(written), str(path))}; nothing was saved") from None
 
-    replace(path, text.encode(), like=path.stat(), check=check)
+    replace(path.resolve(), text.encode(), like=path.stat(), check=check)  # a link to the file stays a link

@@ -1,5 +1,6 @@
 """Steps of a calibration: what each drives, what the operator sees to before, and the settings that it measures."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -12,11 +13,12 @@ from wallride.runtime.calibration.measured_car import (
     measure_arcs,
     measure_braking,
     measure_delays,
-    measure_forward_m,
+    measure_forward,
 )
 from wallride.runtime.calibration.near_parts import sectors
 from wallride.runtime.calibration.proposals import Proposal
 from wallride.runtime.calibration.responses import Estimate
+from wallride.runtime.calibration.trace import Trace
 
 SPEED, STEERING, LIDAR, PARTS, DELAY, BRAKE, OUTLINE = STEPS = (
     "speed", "steering", "lidar", "own-parts", "delay", "brake", "outline",
@@ -35,6 +37,8 @@ OUTLINE_WORDS = {
     "car.half_width_m": "half of the greatest width, wheels included",
 }
 DEFAULT_DELAY_S = 0.02
+SIDEWAYS_RAD = math.radians(75.0)
+"""Angle beside ahead, or beside backward, above which scans do not tell forward from backward."""
 MIN_FORWARD_SHARE = 0.25
 """Share of the first way that the lidar must see: wheels in the air turn, and the car stays where it is."""
 
@@ -106,32 +110,62 @@ def arcs(wanted: frozenset[str]) -> Callable[[CalibratedCar, CalibrationProgress
         )
         begin_s = car.now_s
         ways.drive_first(car)
-        forward_m = measure_forward_m(car.seen.trace().between(begin_s, car.now_s))
-        _check_first(forward_m)
+        check_forward(car.seen.trace().between(begin_s, car.now_s), now)
         begin_s = car.now_s
         ways.drive_arcs(car)
         so_far.arcs = measure_arcs(car.seen.trace().between(begin_s, car.now_s), assumed)
         so_far.notes += _parts(so_far.arcs, car) if PARTS in wanted else []
         names = frozenset().union(*(OF_STEP.get(step, frozenset()) for step in wanted))
         found = list(proposals.of_arcs(so_far.arcs.fit, now, ruler=so_far.ruler))
+        so_far.notes += _reversed(found) if STEERING in wanted else []
         so_far.notes += _limits(found, now) if STEERING in wanted and proposals.SERVO_GAIN in now else []
         yield from (one for one in found if one.name in names)
 
     return run
 
 
-def _check_first(forward_m: float | None) -> None:
-    """CalibrationError where the car went backward, or not at all. forward_m: None where nothing tells."""
-    if forward_m is None:
+def check_forward(trace: Trace, now: Mapping[str, float], sideways_rad: float = SIDEWAYS_RAD) -> None:
+    """CalibrationError where the first way forward of a drive led nowhere, sideways or backward by the scans."""
+    found = measure_forward(trace, lidar_place_m(now))
+    if found is None:
         return
-    least_m = MIN_FORWARD_SHARE * ways.FIRST_M
-    if forward_m < -least_m:
-        raise CalibrationError(proposals.SWAPPED)
-    if forward_m < least_m:
+    way_m, toward_rad = found
+    if way_m < MIN_FORWARD_SHARE * ways.FIRST_M:
         raise CalibrationError(
-            f"the wheels turned for {ways.FIRST_M} m and the car went {abs(forward_m):.2f} m: is it lifted, blocked, or"
+            f"the wheels turned for {ways.FIRST_M} m and the car went {way_m:.2f} m: is it lifted, blocked, or"
             " do the wheels slip? Put it on the floor with its way free"
         )
+    if abs(toward_rad) > math.pi - SIDEWAYS_RAD:
+        raise CalibrationError(proposals.SWAPPED)
+    if abs(toward_rad) > sideways_rad:
+        raise CalibrationError(sideways(toward_rad, now[proposals.LIDAR_YAW]))
+
+
+def sideways(toward_rad: float, yaw_rad: float) -> str:
+    """Return what to do where scans see the car drive into this direction. yaw_rad: of the lidar as configured."""
+    side = "left" if toward_rad > 0.0 else "right"
+    turned_rad = math.remainder(yaw_rad - toward_rad, math.tau)
+    return (
+        f"by the scans the car drove {abs(math.degrees(toward_rad)):.0f} degrees to the {side} of ahead: the lidar is"
+        f" turned; set lidar.yaw_rad = {turned_rad:.2f} and begin again"
+    )
+
+
+def lidar_place_m(now: Mapping[str, float]) -> tuple[float, float]:
+    """Return the place of the lidar, ahead of the rear axle and to the left."""
+    return now[proposals.LIDAR_X], now[proposals.LIDAR_Y]
+
+
+def _reversed(found: list[Proposal]) -> list[str]:
+    """Say that a lidar that is upside down looks like a steering the wrong way round."""
+    gains = {names.gain for names in proposals.STEERINGS}
+    if not any(one.name in gains and one.new is not None and one.new * one.old < 0.0 for one in found):
+        return []
+    words = (
+        "by the scans left was right. Did the wheels turn to the side that was asked for? Then write none of this: the"
+        " lidar is upside down, set lidar.mounted_upside_down and begin again"
+    )
+    return [words]
 
 
 def _limits(found: list[Proposal], now: Mapping[str, float]) -> list[str]:

@@ -1,5 +1,6 @@
 """All estimates of one drive: the arcs with the car's own parts left out, then the delays, then the stops."""
 
+import cmath
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,7 +11,7 @@ from wallride.runtime.calibration.arc_fit import Arc, ArcFit, AssumedCar, fit_ar
 from wallride.runtime.calibration.delays import DelayFit, KnownMotion, fit_motor, fit_servo, middle_of_sweep_s
 from wallride.runtime.calibration.near_parts import near_parts_m, seen_beams
 from wallride.runtime.calibration.responses import Estimate, unidentified
-from wallride.runtime.calibration.scan_motion import motion_of_scans
+from wallride.runtime.calibration.scan_motion import Shift, motion_of_scans
 from wallride.runtime.calibration.stop_match import MAX_RANGE_M, measure_shift
 from wallride.runtime.calibration.trace import MIN_WAY_M, STANDS_BELOW_MPS, Trace, find_stops, steering_between
 from wallride.runtime.control.perception.geometry import Booleans, Floats
@@ -52,31 +53,38 @@ def measure_arcs(trace: Trace, assumed: AssumedCar) -> MeasuredArcs:
     return MeasuredArcs(fit_arcs(within_ends(arcs), assumed), part_m)
 
 
-def measure_forward_m(trace: Trace) -> float | None:
-    """Return how far the lidar went forward on a way that the motor reports as forward; None where nothing tells."""
-    stops = find_stops(trace)
-    for before, after in pairwise(stops):
+def measure_forward(trace: Trace, lidar_m: tuple[float, float]) -> tuple[float, float] | None:
+    """Return how far [m] and whereto [rad, 0 is ahead, left positive] the scans go on the first way forward.
+
+    Forward is what the motor reports; None where nothing tells. lidar_m: its place, ahead and to the left.
+    """
+    for before, after in pairwise(find_stops(trace)):
         if after.distance_m - before.distance_m > MIN_WAY_M:
             found = measure_shift(trace, before, after)
-            if found is not None and found.std[0] < MIN_WAY_M / 2:
-                return found.shift[0]
+            if found is not None and max(found.std[:2]) < MIN_WAY_M / 2:
+                moved_m = _moved_m(found.shift, lidar_m)
+                return abs(moved_m), cmath.phase(moved_m * cmath.exp(-0.5j * found.shift[2]))
     return None
 
 
+def _moved_m(shift: Shift, lidar_m: tuple[float, float], yaw_rad: float = 0.0) -> complex:
+    """Return how far the rear axle moved, x + iy, from how the lidar did. yaw_rad: by which the lidar is turned."""
+    x_m, y_m, turn_rad = shift
+    return complex(x_m, y_m) * cmath.exp(1j * yaw_rad) + complex(*lidar_m) * (1.0 - cmath.exp(1j * turn_rad))
+
+
 def measure_locks(
-    trace: Trace, ignored: Booleans, wheelbase_m: float, lidar_m: tuple[float, float]
+    trace: Trace, arcs: MeasuredArcs, wheelbase_m: float, lidar_m: tuple[float, float]
 ) -> list[tuple[float, float]]:
     """Return the reported and the driven wheel angle of each way. lidar_m: its place, ahead and to the left."""
-    found = []
+    yaw_rad, found = arcs.fit.lidar_yaw_rad, []
     for before, after in pairwise(find_stops(trace)):
-        shift = measure_shift(trace, before, after, ignored)
+        shift = measure_shift(trace, before, after, arcs.ignored)
         if shift is None or abs(after.distance_m - before.distance_m) < MIN_WAY_M:
             continue
-        x_m, y_m, turn_rad = shift.shift
-        cos, sin = np.cos(turn_rad), np.sin(turn_rad)
-        at_x = x_m + lidar_m[0] - cos * lidar_m[0] + sin * lidar_m[1]
-        at_y = y_m + lidar_m[1] - sin * lidar_m[0] - cos * lidar_m[1]
-        chord_m = at_x * np.cos(turn_rad / 2) + at_y * np.sin(turn_rad / 2)
+        turn_rad = shift.shift[2]
+        moved_m = _moved_m(shift.shift, lidar_m, 0.0 if yaw_rad.why else yaw_rad.value)
+        chord_m = (moved_m * cmath.exp(-0.5j * turn_rad)).real
         curvature = turn_rad * np.sinc(turn_rad / np.pi / 2) / chord_m
         found.append((steering_between(trace, before, after), float(np.arctan(curvature * wheelbase_m))))
     return found

@@ -21,7 +21,10 @@ MOST_STEERING = "car.max_steering_rad"
 BUILD_UP_S = 0.03
 """Time in which the deceleration builds up after the delay: as in the default of safety.actuation_s."""
 NO_LIDAR_Y = "not identified: a lidar farther to the left looks like a shorter way, which no tachometer tells; by tape"
-SWAPPED = "the car drove backward when asked forward: swap two motor phases, or invert the motor in VESC Tool"
+SWAPPED = (
+    "by the scans the car drove backward when asked forward: swap two motor phases, or invert the motor in VESC Tool;"
+    " did you see it drive forward? then the lidar is turned by 180 degrees, see lidar.yaw_rad"
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,8 @@
 """A car by servo pulses as a calibration drives it: pulses out; way and speed by the scans in place of a motor's."""
 
+import cmath
 import math
+from collections import deque
 from collections.abc import Mapping
 from typing import Protocol, Self
 
@@ -8,6 +10,7 @@ import numpy as np
 
 from wallride.clients.calibration.link import HeldDeadman, LetGoError
 from wallride.clients.calibration.pulse_ways import BACK_M, GENTLE_US, NO_BRAKE
+from wallride.clients.calibration.steps import lidar_place_m, sideways
 from wallride.clients.calibration.ways import CalibrationError
 from wallride.drivers.api import Scan
 from wallride.drivers.pwm.settings import PwmSettings
@@ -22,6 +25,8 @@ EVERY_S = 0.04
 """Minimum time between two scans that are taken: more tell no more, and cost time."""
 SPEED_OVER_S, STANDS_OVER_S, STANDS_M = 0.15, 0.3, 0.012
 """Time over which a speed is taken; time and way within which a car that is to stop counts as standing."""
+AT_NEUTRAL_US, SIDEWAYS_M = 5.0, 0.03
+"""Distance from neutral of a pulse that drives; way across in STANDS_OVER_S that more than noise shows."""
 MAX_MPS = 1.8
 TOO_FAST = (
     "the car drove {:.1f} m/s at {:.0f} us, faster than a calibration may: limit the ESC's power, or correct"
@@ -57,7 +62,10 @@ class PulseLink:
         self._chain: ScanChain | None = None
         self._pose, self._way_m = STILL, 0.0
         self._now_s = -math.inf
-        self._lidar_y_m = now["car.lidar_y_m"]
+        self._lidar_x_m, self._lidar_y_m = lidar_place_m(now)
+        self._lidar_yaw_rad = now["lidar.yaw_rad"]
+        self._across_m = 0.0
+        self._places: deque[tuple[float, complex]] = deque(maxlen=round(STANDS_OVER_S / EVERY_S))
         self._asked_mps: float | None = None
         self._most_m, self._drove_back = 0.0, False
         self.use(now, gentle=True)
@@ -139,7 +147,10 @@ class PulseLink:
         turn_rad = pose[2] - self._pose[2]
         along_rad = self._pose[2] + turn_rad / 2
         self._way_m += (pose[0] - self._pose[0]) * math.cos(along_rad) + (pose[1] - self._pose[1]) * math.sin(along_rad)
+        across_m = (pose[1] - self._pose[1]) * math.cos(along_rad) - (pose[0] - self._pose[0]) * math.sin(along_rad)
         self._way_m += turn_rad * self._lidar_y_m
+        self._across_m += across_m - turn_rad * self._lidar_x_m
+        self._places.append((scan.stamp_s, complex(self._way_m, self._across_m)))
         self._pose, self._now_s = pose, scan.stamp_s
         angle_rad = steering_rad(self._settings, self._steering_us)
         seen.motor.append((scan.stamp_s, self._way_m, self._speed_mps(), angle_rad))
@@ -160,8 +171,12 @@ class PulseLink:
         return 0.0, over_s
 
     def _check(self) -> None:
-        """CalibrationError for a car that is much too fast, or is driven backward by its brake."""
+        """CalibrationError for a car that is much too fast, goes sideways, or is driven backward by its brake."""
         speed_mps, asked = self.seen.motor[-1][2], self._asked_mps
+        moved_m = self._places[-1][1] - self._places[0][1]
+        drives = abs(self.throttle_us - self._settings.neutral_us) > AT_NEUTRAL_US
+        if drives and abs(moved_m.imag) > max(SIDEWAYS_M, abs(moved_m.real)):
+            raise CalibrationError(sideways(cmath.phase(moved_m), self._lidar_yaw_rad))
         if abs(speed_mps) > MAX_MPS:
             raise CalibrationError(TOO_FAST.format(abs(speed_mps), self.throttle_us))
         if asked is None or asked < 0:

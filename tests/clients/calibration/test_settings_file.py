@@ -28,6 +28,25 @@ def test_values_are_written_with_their_origin(car_toml):
     assert "speed_to_erpm_gain = 4614.0\n" in car_toml.read_text()
 
 
+def test_a_file_by_a_windows_editor_takes_the_values(car_toml):
+    car_toml.write_bytes(b"\xef\xbb\xbf" + car_toml.read_bytes())
+    settings_file.write(car_toml, NEW, "2026-11-23")
+    assert load_settings(car_toml).car.wheelbase_m == 0.3312
+    settings_file.undo(car_toml)
+    assert load_settings(car_toml).car.wheelbase_m == 0.25
+
+
+def test_a_link_to_the_file_stays_a_link(car_toml):
+    link = car_toml.with_name("link.toml")
+    link.symlink_to(car_toml.name)
+    settings_file.write(link, NEW, "2026-11-23")
+    assert link.is_symlink()
+    assert load_settings(car_toml).car.wheelbase_m == 0.3312
+    settings_file.undo(link)
+    assert link.is_symlink()
+    assert load_settings(car_toml).car.wheelbase_m == 0.25
+
+
 def test_undo_leaves_what_was_edited_since(car_toml):
     settings_file.write(car_toml, NEW, "2026-11-23")
     car_toml.write_text(car_toml.read_text().replace("0.3312", "0.32"))

@@ -1,9 +1,10 @@
 """The steps on a simulated car: every planted error becomes the right setting; what may not be driven is not driven."""
 
+import numpy as np
 import pytest
 
 from tests.runtime.calibration import calibrated_car
-from tests.runtime.calibration.planted import LAB, YAW_RAD, planted_car
+from tests.runtime.calibration.planted import ERRORS, LAB, YAW_RAD, planted_car
 from wallride.clients.calibration import settings_file, ways
 from wallride.clients.calibration.command import table
 from wallride.clients.calibration.current_values import NAMES
@@ -57,6 +58,31 @@ def test_with_a_ruler_the_gain_of_the_servo_is_measured(car_toml):
     found = {one.name: one.new for one in step.run(planted_car(2), so_far)}
     assert set(found) == {proposals.SERVO_GAIN, proposals.SERVO_OFFSET}
     assert found[proposals.SERVO_GAIN] == pytest.approx(-1.2135, rel=0.02)
+    assert not any("upside down" in note for note in so_far.notes)
+
+
+def test_a_lidar_that_is_upside_down_is_named_beside_a_steering_the_wrong_way_round(car_toml):
+    so_far = CalibrationProgress(in_effect(car_toml))
+    (step,) = driven_steps(frozenset({"steering"}))
+    car = planted_car(2, errors=ERRORS.model_copy(update={"servo_gain_share": -1.0}))
+    found = {one.name: one.new for one in step.run(car, so_far)}
+    assert found[proposals.SERVO_GAIN] == 1.2135
+    assert any("lidar.mounted_upside_down" in note for note in so_far.notes)
+
+
+@pytest.mark.parametrize(
+    ("yaw_rad", "words"),
+    [
+        (np.pi, "backward.*swap two motor phases.*the lidar is turned by 180 degrees"),
+        (-1.6, r"degrees to the left of ahead: the lidar is turned; set lidar\.yaw_rad = -1\.[56]"),
+    ],
+)
+def test_a_turned_lidar_is_not_taken_for_a_swapped_or_blocked_motor(car_toml, yaw_rad, words):
+    car = planted_car(1, mount_yaw_rad=yaw_rad)
+    (step,) = driven_steps(frozenset({"speed"}))
+    with pytest.raises(CalibrationError, match=words):
+        list(step.run(car, CalibrationProgress(in_effect(car_toml))))
+    assert car.twin.way_m < 1.0
 
 
 def test_a_motor_that_runs_backward_is_not_driven_far(car_toml):

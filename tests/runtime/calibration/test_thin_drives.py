@@ -1,5 +1,6 @@
 """A drive that tells too little gives a reason, and never a number."""
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -8,9 +9,10 @@ import pytest
 from tests.runtime.calibration.planted import planted_car
 from wallride.clients.calibration import ways
 from wallride.runtime.calibration.delays import KnownMotion, fit_motor, fit_servo
-from wallride.runtime.calibration.measured_car import fit_braking, measure_forward_m
+from wallride.runtime.calibration.measured_car import fit_braking, measure_forward
 from wallride.runtime.calibration.trace import Trace
 
+LIDAR_M = 0.29, 0.02
 KNOWN = KnownMotion(wheelbase_m=0.33, speed_factor=1.0, rate_radps=3.2)
 
 
@@ -90,9 +92,8 @@ def test_a_stop_counts_only_from_a_steady_speed():
 
 def test_the_way_forward_is_the_lidars_own_and_not_the_motors():
     trace = driven(ways.drive_arcs)
-    assert measure_forward_m(trace.between(0.0, 0.0)) is None
-    forward_m = measure_forward_m(trace)
-    swapped_m = measure_forward_m(changed(trace, distance_m=-trace.distance_m))
-    assert forward_m is not None
-    assert forward_m > 0.1
-    assert swapped_m is None or swapped_m < -0.1
+    assert measure_forward(trace.between(0.0, 0.0), LIDAR_M) is None
+    for told, toward_rad in ((trace, 0.0), (changed(trace, distance_m=-trace.distance_m), math.pi)):
+        way_m, found_rad = measure_forward(told, LIDAR_M)
+        assert way_m > 0.1
+        assert abs(found_rad) == pytest.approx(toward_rad, abs=0.1)

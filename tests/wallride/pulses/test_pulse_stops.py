@@ -65,9 +65,20 @@ def runs_away(bench):
     bench.esc.model = replace(TRUE, us_per_mps=5.0)
 
 
+def turned(yaw_rad):
+    def plant(bench):
+        bench.lidar = bench.lidar.model_copy(update={"mount_yaw_rad": yaw_rad})
+
+    return plant
+
+
 @pytest.mark.parametrize(
     ("plant", "words"),
     [
+        (turned(1.4), r"by the scans the car drove \d+ degrees to the right of ahead.*set lidar\.yaw_rad = 1\.[345]"),
+        (turned(-1.0), r"the car drove \d+ degrees to the left of ahead.*set lidar\.yaw_rad = -(0\.9|1\.[01])"),
+        (turned(0.4), r"the car drove \d+ degrees to the right of ahead.*set lidar\.yaw_rad = 0\.(3[89]|4[0-2])"),
+        (turned(3.1), "by the scans the car drove backward.*then the lidar is turned by 180 degrees"),
         (drives_at_neutral, r"moves at 1500 us, which is to be its neutral.*motor\.neutral_us"),
         (drives_backward, "drove backward.*swap two cables"),
         (reverses_at_once, "backward by its brake pulse: set the ESC to forward, brake and reverse"),
