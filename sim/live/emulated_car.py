@@ -96,7 +96,7 @@ class EmulatedCar:
             motor, key, address = self._open_motor(stack)
             plant = Plant(self._vehicle, motor, self._wiring, begin_s)
             timer = PeriodicTimer(self._clock)
-            timer.every(STEP_S, lambda late_s, _missed: self._step(plant, self._clock() - begin_s, late_s))
+            timer.every(STEP_S, lambda late_s, _missed: self._step(plant, begin_s, late_s))
             timer.every(AGAIN_S, lambda _late_s, _missed: plant.put_back(start))
             going_on = asyncio.create_task(timer.run(), name="world")
             tell(DeviceAddresses(lidars, address, key))
@@ -141,16 +141,17 @@ class EmulatedCar:
         self.lidars.append(lidar)
         return lidar
 
-    def _step(self, plant: Plant, time_s: float, late_s: float) -> None:
+    def _step(self, plant: Plant, begin_s: float, late_s: float) -> None:
         if self.held_up.note(late_s):
             self.tell_held_up(self.held_up.words)
-        plant.advance(self._clock())
-        if self._scene.step(time_s, self._vehicle):
-            plant.crash()
+        now_s = self._clock()
+        for at_s in plant.catch_up(now_s):
+            if self._scene.step(at_s - begin_s, self._vehicle):
+                plant.crash()
         if self._turning is not None:
-            self._turning.advance(self._clock(), lambda rays: self._scene.see(self._vehicle, rays))
+            self._turning.advance(now_s, lambda rays: self._scene.see(self._vehicle, rays))
             return
-        while (due := self._scene.scan(time_s, self._vehicle)) is not None:
+        while (due := self._scene.scan(now_s - begin_s, self._vehicle)) is not None:
             ranges_mm, stamp_ms = due
             for lidar in self.lidars:
                 lidar.publish(ranges_mm, stamp_ms % STAMP_MS)

@@ -282,10 +282,10 @@ class SimulatorSession:
         def step(late_s: float, _missed: int) -> None:
             record.held_up.note(late_s)
             now_s = time.monotonic()
-            plant.advance(now_s)
-            record.time_s = now_s - begin_s
-            if self._scene.step(record.time_s, self._vehicle):
-                plant.crash()
+            for at_s in plant.catch_up(now_s):
+                record.time_s = at_s - begin_s
+                if self._scene.step(record.time_s, self._vehicle):
+                    plant.crash()
             if isinstance(scip, TurningLidar):
                 self._turn(scip, now_s)
             while (due := self._scene.scan(record.time_s, self._vehicle)) is not None:
