@@ -20,7 +20,7 @@ def run(*, native: bool, seal: bool) -> Iterator[str]:
     build(ROOT, target, native=native)
     yield f"built {target}"
     told = subprocess.run(
-        [sys.executable, "-m", "wallride.runtime.kernel"], capture_output=True, text=True, check=False
+        [sys.executable, "-P", "-m", "wallride.runtime.kernel"], capture_output=True, text=True, check=False
     )
     if told.returncode:
         raise BuildError(f"it was built and cannot be used: {told.stderr.strip().splitlines()[-1]}")

@@ -109,7 +109,7 @@ class Rig:
             f"telemetry.enabled={str(self._telemetry).lower()}",
             f'telemetry.listen=["{endpoint}"]',
         ]
-        command = [sys.executable, "-m", "wallride", "run", str(folder / "car.toml")]
+        command = [sys.executable, "-P", "-m", "wallride", "run", str(folder / "car.toml")]
         command += [part for setting in settings for part in ("--set", setting)]
         with self._log.open("wb") as log:
             self.started_s = time.monotonic()
@@ -161,7 +161,7 @@ class Rig:
         while not self.ports.lidar.streaming:
             self._check(give_up_s, "did not ask the lidar for scans")
             self.ports.serve_once(0.05)
-        listen = [sys.executable, "-m", "wallride.sim.bench.subscriber", self.endpoint, CAR]
+        listen = [sys.executable, "-P", "-m", "wallride.sim.bench.subscriber", self.endpoint, CAR]
         for _ in range(self._count):
             subscriber = subprocess.Popen(listen, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
             self._subscribers.append(subscriber)

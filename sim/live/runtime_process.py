@@ -10,6 +10,8 @@ from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 
+WALLRIDE = (sys.executable, "-P", "-m", "wallride")
+"""The command, which takes no modules from the working folder: `signal.py` there may be a student's."""
 STOP_TIMEOUT_S = 20.0
 """Timeout of a stop: closing a recording on a busy computer with a slow disk takes seconds."""
 REMEMBERED_LINES = 400
@@ -24,8 +26,8 @@ class WallrideProcess:
     exit_code: None while it runs.
     """
 
-    def __init__(self, arguments: Sequence[str], program: str = "wallride") -> None:
-        self._command = [sys.executable, "-m", program, *arguments]
+    def __init__(self, arguments: Sequence[str], program: Sequence[str] = WALLRIDE) -> None:
+        self._command = [*program, *arguments]
         self._process: asyncio.subprocess.Process | None = None
         self._reader: asyncio.Task[None] | None = None
         self.log: deque[str] = deque(maxlen=REMEMBERED_LINES)
@@ -93,7 +95,11 @@ class RuntimeProcess(WallrideProcess):
     """`wallride run`."""
 
     def __init__(
-        self, config: Path, assignments: Sequence[str], options: Sequence[str] = (), program: str = "wallride"
+        self,
+        config: Path,
+        assignments: Sequence[str],
+        options: Sequence[str] = (),
+        program: Sequence[str] = WALLRIDE,
     ) -> None:
         settings = [argument for assignment in assignments for argument in ("--set", assignment)]
         super().__init__(["run", str(config), *settings, *options], program)

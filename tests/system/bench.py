@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+import sys
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -115,7 +116,9 @@ async def bench(
     own = "own." if any(one.startswith("lidar.driver=") for one in assignments) else ""
     addresses = [f"lidar.{own}address=tcp://127.0.0.1:{port}"] if "lidar.driver=topic" not in assignments else []
     addresses.append(f"motor.address=serial://{tmp_path / 'vesc'}")
-    car.runtime = RuntimeProcess(ROOT / "config" / "sim.toml", [*laws, *addresses, *assignments], program=program)
+    car.runtime = RuntimeProcess(
+        ROOT / "config" / "sim.toml", [*laws, *addresses, *assignments], program=(sys.executable, "-m", program)
+    )
     turning = asyncio.create_task(car.turn())
     try:
         await car.runtime.start()

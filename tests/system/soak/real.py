@@ -8,6 +8,7 @@ import asyncio
 import contextlib
 import os
 import signal
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -155,7 +156,9 @@ class RealSoak(SoakSurroundings):
             "recording.file_mb=8",  # its index grows with a file: several whole files before the first sample
         ]
         os.environ[PRIORITY_VARIABLE] = "20"  # as its unit does
-        self.runtime = RuntimeProcess(ROOT / "config" / "sim.toml", settings, program="tests.system.socket_motor")
+        self.runtime = RuntimeProcess(
+            ROOT / "config" / "sim.toml", settings, program=(sys.executable, "-m", "tests.system.socket_motor")
+        )
         await self.runtime.start()
         stack.push_async_callback(self.runtime.end)
         bus = Bus(zenoh_config.client_config(endpoint, None))
