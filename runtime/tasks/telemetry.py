@@ -210,6 +210,7 @@ class Telemetry:
                 yield queue.popleft(), urgent
         hurried = [topic for topic in BY_OUTPUT if topic in news]
         for topic in [*hurried, *(topic for topic in news if topic not in BY_OUTPUT)]:
+            self._news.pop(topic, None)  # what is written now is the newest, also of what came during this burst
             yield (topic, now_s, partial(self._writers.write, topic)), False
 
     def _write(

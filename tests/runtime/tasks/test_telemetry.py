@@ -170,6 +170,22 @@ async def test_what_was_not_written_in_time_is_replaced_by_the_newer_or_told_too
     assert decoded(kept.of(topics.SCAN)[0], topics.SCAN).scan_time == pytest.approx(0.029)
 
 
+async def test_what_comes_while_a_burst_is_written_is_not_written_twice(monkeypatch):
+    monkeypatch.setattr("wallride.runtime.tasks.telemetry.TURN_S", -1.0)  # one message each turn
+    rig = Rig()
+    rig.drive_once()
+    task = asyncio.create_task(rig.telemetry.run())
+    for turn in range(120):
+        await asyncio.sleep(0)
+        if turn == 3:
+            rig.clock.now_s += BURST_PERIOD_S
+            rig.drive_once()
+    task.cancel()
+    kept = rig.sinks[0]
+    assert [len(kept.of(topic)) for topic in (topics.SCAN, topics.ODOM)] == [1, 1]
+    assert len(kept.of(topics.OUTPUT)) == 2
+
+
 async def test_they_leave_in_bursts_but_a_change_of_mind_at_once():
     rig = Rig()
     task = asyncio.create_task(rig.telemetry.run())
