@@ -388,8 +388,9 @@ async def _open(car: Car, bus: CarBus, stop: asyncio.Event, address_file: Path |
             log.error("driving without telemetry: %s", error)
             telemetry = replace(telemetry, problem=str(error))
         else:
-            log.info("telemetry on %s, session %s", bus.endpoint, telemetry.session)
-            telemetry = replace(telemetry, endpoint=bus.endpoint)
+            where, unheard = (bus.endpoint, "") if bus.endpoint else ("no address", "telemetry.listen is empty")
+            log.info("telemetry on %s, session %s", where, telemetry.session)
+            telemetry = replace(telemetry, endpoint=bus.endpoint, problem=unheard)
     if address_file is not None:
         try:
             await asyncio.to_thread(write_address, address_file, telemetry)

@@ -73,8 +73,8 @@ class Bus:
 
     @property
     def endpoint(self) -> str:
-        """The first endpoint."""
-        return str((self._endpoints("listen") or self._endpoints("connect") or ["nowhere"])[0])
+        """The first endpoint; "" for a session that neither listens nor connects."""
+        return str((self._endpoints("listen") or self._endpoints("connect") or [""])[0])
 
     @property
     def is_by_keys(self) -> bool:

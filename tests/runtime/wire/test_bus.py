@@ -239,6 +239,10 @@ async def test_an_address_that_this_machine_does_not_have_is_no_taken_port():
     assert not isinstance(caught.value, PortTakenError)
 
 
+def test_a_session_without_an_address_has_none():
+    assert Bus({}).endpoint == ""
+
+
 async def test_a_client_without_a_car_is_told_so():
     with pytest.raises(OSError, match="onnect"):
         await client_of(free_endpoint()).open()
