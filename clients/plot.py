@@ -16,7 +16,7 @@ from typing import Any
 from wallride.clients.connection import ConnectionProblemError, connected
 from wallride.clients.decoding import UnreadableError, decode
 from wallride.clients.refreshing import RefreshedScreen
-from wallride.clients.topics import split_topic
+from wallride.clients.topics import SILENT_S, split_topic
 from wallride.runtime.host.terminal_text import one_line
 from wallride.runtime.wire import topics
 
@@ -50,12 +50,13 @@ class Curve:
         self.trouble = ""
         self.points.append((arrival_s, value))
 
-    @property
-    def title(self) -> str:
-        """Return the name and the newest value."""
+    def title(self, now_s: float) -> str:
+        """Return the name and the newest value, with its age where no other has come."""
         if self.trouble:
             return one_line(f"{self.topic}: {self.trouble}")
-        return f"{self.topic}:{self.path}  {self.points[-1][1]:.4g}"
+        at_s, value = self.points[-1]
+        age = f"  (silent for {now_s - at_s:.0f} s)" if now_s - at_s > SILENT_S else ""
+        return f"{self.topic}:{self.path}  {value:.4g}{age}"
 
 
 def curve_of(text: str, car: str | None) -> tuple[str | None, Curve]:
@@ -100,7 +101,7 @@ def drawing(curves: Sequence[Curve], now_s: float, past_s: float, size: tuple[in
     figure.theme("colorless")
     for place, curve in enumerate(curves, 1):
         plot = figure.subplot(place, 1) if len(curves) > 1 else figure
-        plot.title(curve.title)
+        plot.title(curve.title(now_s))
         plot.ruler("x").lim(-past_s, 0)
         points = [
             (at_s - now_s, value) for at_s, value in curve.points if now_s - at_s <= past_s and math.isfinite(value)
@@ -125,7 +126,7 @@ async def run(options: argparse.Namespace) -> int:
             return 0
         shown = RefreshedScreen(options.print_line)
         while True:
-            shown.show(_screen(curves, options.seconds), "; ".join(curve.title for curve in curves))
+            shown.show(_screen(curves, options.seconds), "; ".join(curve.title(time.monotonic()) for curve in curves))
             await asyncio.sleep(REFRESH_S)
 
 

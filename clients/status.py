@@ -42,17 +42,18 @@ async def run(options: argparse.Namespace) -> int:
         if not options.watch:
             with reading(car, "status"):
                 lines = [*told_played(car, played), *screen(status, columns=columns_here())]
-                options.print_line(json.dumps(status, indent=2) if options.json else "\n".join(lines))
+            options.print_line(json.dumps(status, indent=2) if options.json else "\n".join(lines))
             return 0
-        shown = RefreshedScreen(options.print_line)
+        shown, told = RefreshedScreen(options.print_line), None
         while True:
             silent_s = time.monotonic() - ear.heard_s
-            if options.json:
-                options.print_line(json.dumps(ear.newest))
-            else:
+            if not options.json:
                 with reading(car, "status"):
                     lines = [*told_played(car, played), *screen(ear.newest, silent_s, columns_here())]
-                    shown.show("\n".join(lines), lines[0])
+                shown.show("\n".join(lines), "  ".join(lines[: 1 if silent_s <= SILENT_S else 2]))
+            elif ear.newest is not told:
+                told = ear.newest
+                options.print_line(json.dumps(told))
             await asyncio.sleep(REFRESH_S)
 
 

@@ -26,6 +26,8 @@ LISTEN_S = 1.5
 WINDOW = 1000
 MAX_WAITING = 1000
 REPORT_EVERY_S = 1.0
+SILENT_S = 2.5
+"""Time without a message after which a topic counts as silent: the slowest ones come once a second."""
 FIRST_WITHIN_S = 5.0
 """Timeout after which a topic without messages gets a sentence instead of an empty screen."""
 PrintLine = Callable[[str], object]
@@ -44,6 +46,11 @@ class RateMeter:
         """Count one sample."""
         self.arrivals_s.append(arrival_s)
         self.sizes.append(size)
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        self.arrivals_s.clear()
+        self.sizes.clear()
 
     @property
     def rate_hz(self) -> float:
@@ -135,12 +142,16 @@ async def samples(bus: Bus, car: str, topic: str) -> AsyncIterator[Sample]:
         async with asyncio.timeout(FIRST_WITHIN_S):
             yield await waiting.get()
     except TimeoutError:
-        raise ConnectionProblemError(
-            f"{car} says nothing on {topic}: a silent voice has no topic, and a rate of 0 turns one off"
-            " (`wallride topic list` shows what is on the air)"
-        ) from None
+        raise ConnectionProblemError(_nothing_on(car, topic)) from None
     while True:
         yield await waiting.get()
+
+
+def _nothing_on(car: str, topic: str) -> str:
+    return (
+        f"{car} says nothing on {topic}: a silent voice has no topic, and a rate of 0 turns one off"
+        " (`wallride topic list` shows what is on the air)"
+    )
 
 
 async def list_topics(
@@ -176,18 +187,23 @@ async def list_topics(
 
 
 async def measure(bus: Bus, car: str, topic: str, options: argparse.Namespace) -> None:
-    """Print rate or volume once a second; `options.count` lines, then end."""
-    meter = RateMeter()
-    line = meter.rate_line if options.action == "hz" else meter.volume_line
-    said, next_s = 0, time.monotonic() + REPORT_EVERY_S
-    async for _, payload, arrival_s in samples(bus, car, topic):
-        meter.add(arrival_s, len(payload))
-        if time.monotonic() >= next_s:
-            next_s += REPORT_EVERY_S
-            options.print_line(json.dumps({"topic": topic, **meter.fields()}) if options.json else line())
-            said += 1
-            if said == options.count:
-                return
+    """Print rate or volume once a second; `options.count` lines, then end. A topic that falls silent begins anew."""
+    meter, began_s = RateMeter(), time.monotonic()
+    bus.subscribe(topics.key(car, topic), lambda _, payload, arrival_s: meter.add(arrival_s, len(payload)))
+    line, said, heard_s = meter.rate_line if options.action == "hz" else meter.volume_line, 0, began_s
+    while not options.count or said < options.count:
+        await asyncio.sleep(REPORT_EVERY_S)
+        heard_s = meter.arrivals_s[-1] if meter.arrivals_s else heard_s
+        silent_s = time.monotonic() - heard_s
+        if heard_s == began_s:
+            if silent_s > FIRST_WITHIN_S:
+                raise ConnectionProblemError(_nothing_on(car, topic))
+            continue
+        if silent_s > SILENT_S:
+            meter.clear()
+        words = line() if meter.arrivals_s else f"nothing for {silent_s:.0f} s (car off? topic silent?)"
+        options.print_line(json.dumps({"topic": topic, **meter.fields()}) if options.json else words)
+        said += 1
 
 
 async def echo(bus: Bus, car: str, topic: str, options: argparse.Namespace) -> None:

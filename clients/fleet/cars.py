@@ -200,7 +200,7 @@ async def run(options: argparse.Namespace) -> int:
     async with fleet_links(options) as links:
         view = FleetView(links)
         if options.watch:
-            await watch(options, links, lambda: table(view.fields(options.car, time.monotonic())))
+            await watch(options, links, lambda: list(table(view.fields(options.car, time.monotonic()))) or ["no car"])
         await asyncio.sleep(WITHIN_S)
         rows = view.fields(options.car, time.monotonic())
         problems = [f"{link.endpoint}: {link.problem}" for link in links if link.problem]

@@ -67,12 +67,13 @@ def test_messages_become_points_and_trouble_is_shown():
     bad.hear(STATUS, 10.0)
     error.hear(b"\x00", 11.0)
     bad.hear(b'{"state": 1%s}' % (b"0" * 400), 11.0)
-    assert "too large" in bad.title
+    assert "too large" in bad.title(12.0)
     bad.hear(STATUS, 12.0)
     assert list(error.points) == [(10.0, -0.25)]
-    assert "distance_error" in error.title
-    assert status.title == "status:scan_to_motor_ms.p99  2.5"
-    assert "is no number" in bad.title
+    assert "distance_error" in error.title(12.0)
+    assert status.title(12.0) == "status:scan_to_motor_ms.p99  2.5"
+    assert status.title(15.0) == "status:scan_to_motor_ms.p99  2.5  (silent for 5 s)"
+    assert "is no number" in bad.title(12.0)
 
 
 def test_curves_are_drawn_one_below_the_other():

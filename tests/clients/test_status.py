@@ -8,7 +8,7 @@ import pytest
 
 from tests.clients.speaking_car import options, speaking_car
 from tests.runtime.observed import HandClock, lose, make_observed, output_of, speak
-from wallride.clients import status
+from wallride.clients import refreshing, status
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.status import headline, screen
 from wallride.runtime.arbitration.command import Source, Verdict, refusal
@@ -168,6 +168,25 @@ async def test_watching_goes_on_until_it_is_stopped(monkeypatch):
         with pytest.raises(asyncio.CancelledError):
             await watching
     assert all(page.startswith(CLEAR_SCREEN) for page in said)
+
+
+async def test_watching_into_a_pipe_says_that_the_car_is_gone(monkeypatch):
+    monkeypatch.setattr(refreshing, "LINE_EVERY_S", 0.1)
+    watched = []
+    async with speaking_car() as car, asyncio.timeout(20):
+        for how in ((), ("--json",)):
+            parsed, said = options(car, "status", "--watch", *how)
+            watched.append((asyncio.create_task(status.run(parsed)), said))
+        while not all(said for _, said in watched):
+            await asyncio.sleep(0.02)
+    (_, lines), (_, messages) = watched
+    while "nothing heard for" not in lines[-1]:
+        await asyncio.sleep(0.02)
+    for task, _ in watched:
+        task.cancel()
+    assert lines[-1].startswith("car1  drives 1.00 m/s: navigation: wall  !! nothing heard for")
+    stamps_s = [json.loads(message)["stamp_s"] for message in messages]
+    assert len(stamps_s) == len(set(stamps_s)), "a status is told once"
 
 
 async def test_a_car_whose_status_is_turned_off_is_explained(monkeypatch):

@@ -71,6 +71,20 @@ async def test_hz_and_bw_measure_what_comes_also_as_json_lines_with_both_figures
         assert fields["rate_hz"] == pytest.approx(20, rel=0.25)
 
 
+async def test_a_topic_that_falls_silent_is_told_and_counts_anew(monkeypatch):
+    monkeypatch.setattr(topics, "REPORT_EVERY_S", 0.2)
+    monkeypatch.setattr(topics, "SILENT_S", 0.3)
+    async with speaking_car() as car, asyncio.timeout(20):
+        parsed, said = options(car, "topic", "hz", "scan")
+        measuring = asyncio.create_task(topics.run(parsed))
+        while not said:
+            await asyncio.sleep(0.02)
+    while "nothing for" not in said[-1]:
+        await asyncio.sleep(0.02)
+    measuring.cancel()
+    assert " Hz " in said[0]
+
+
 async def test_a_topic_that_says_nothing_is_explained(monkeypatch):
     monkeypatch.setattr(topics, "FIRST_WITHIN_S", 0.3)
     async with speaking_car() as car:
