@@ -84,7 +84,7 @@ class CarMap:
 def read_settings(path: Path) -> MapSettings:
     """Read and check the .yaml file. Raises: FileNotFoundError, ValueError, YamlFileError."""
     if not path.is_file():
-        raise FileNotFoundError(f"no map file {path}; give the path of a map's .yaml file")
+        raise FileNotFoundError(f"no map file {path.absolute()}; give the path of a map's .yaml file")
     try:
         content: Any = next(mappings(read_yaml(path)), {})
         image, cell_m = _image_of(path, str(content["image"])), float(content["resolution"])

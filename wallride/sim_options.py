@@ -31,7 +31,7 @@ def add(commands: Commands) -> None:
         help="number of cars in the world, car1 to carN, each with a runtime of its own (default: 1)",
     )  # fmt: skip
     sim.add_argument(
-        "--race", type=Path, metavar="MAP.yaml",
+        "--race", type=lambda text: Path(text).expanduser(), metavar="MAP.yaml",
         help="drive the race line of a map of `wallride map`, in the world that its lap was driven in, from where that"
         " began",
     )  # fmt: skip

@@ -4,6 +4,7 @@ The path is text, `t_s; x_m; y_m; yaw_rad; speed_mps` of the rear axle in the ma
 recording began, x ahead. `wallride line` finds it beside the map.
 """
 
+import json
 from pathlib import Path
 from typing import IO, Final
 
@@ -44,7 +45,7 @@ def map_files(stem: Path, raster: Raster, path: Floats, walls: str, about: str, 
     shades = np.where(raster.wall, WALL, np.where(raster.free, FREE, UNKNOWN)).astype(np.uint8)[::-1]
     rows = ("; ".join(f"{value:.4f}" for value in row) for row in path.tolist())
     return {
-        yaml: f"# {about}\nimage: {image.name}\nresolution: {CELL_M}\n"
+        yaml: f"# {about}\nimage: {json.dumps(image.name, ensure_ascii=False)}\nresolution: {CELL_M}\n"
         f"origin: [{raster.corner_m[0]:.3f}, {raster.corner_m[1]:.3f}, 0.0]\n"
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n"
         + (f"# world: {world}\n" if world else ""),

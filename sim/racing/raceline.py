@@ -161,7 +161,7 @@ def _fault(line: RaceLine, radius_m: float) -> str | None:
         at = f"x {line.x_m[tightest]:.1f} m, y {line.y_m[tightest]:.1f} m"
         return (
             f"at {at} the line turns on a radius of {needed_m:.2f} m, and the car needs {radius_m:.2f} m;"
-            " a smaller --keep gives it room"
+            " a smaller --keep or --avoid may give it room"
         )
     crossing = _crossing(np.column_stack([line.x_m, line.y_m]))
     return None if crossing is None else f"the line crosses itself at x {crossing[0]:.1f} m, y {crossing[1]:.1f} m"

@@ -28,15 +28,15 @@ def recordings(tmp_path_factory):
 
 
 def test_a_recorded_lap_becomes_a_map_and_the_map_a_line(recordings, here, capsys):
-    assert cli.main(["map", str(recordings / "lap.mcap"), "-o", "lab.yaml"]) == 0
+    assert cli.main(["map", str(recordings / "lap.mcap"), "-o", "läb #1: x.yaml"]) == 0
     said = capsys.readouterr().out
     assert "by wheels and steering, without a gyro" in said
     assert said.endswith("verdict: good\n")
-    made = {"lab.path.csv", "lab.pgm", "lab.png", "lab.walls.csv", "lab.yaml"}
+    made = {f"läb #1: x.{ending}" for ending in ("path.csv", "pgm", "png", "walls.csv", "yaml")}
     assert {file.name for file in here.iterdir()} == made
-    _, area_m2 = read_geometry(here / "lab.yaml")
+    _, area_m2 = read_geometry(here / "läb #1: x.yaml")
     assert area_m2 == pytest.approx(64.0, rel=0.06), "12 x 8 m less 8 x 4 m"
-    assert cli.main(["line", "lab.yaml", "--json", "-"]) == 0
+    assert cli.main(["line", "läb #1: x.yaml", "--json", "-"]) == 0
     line = json.loads(capsys.readouterr().out)
     assert cli.main(["line", "loop", "--json", "-"]) == 0
     assert line["lap_s"] == pytest.approx(json.loads(capsys.readouterr().out)["lap_s"], rel=0.03)
