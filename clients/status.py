@@ -49,8 +49,9 @@ async def run(options: argparse.Namespace) -> int:
             silent_s = time.monotonic() - ear.heard_s
             if not options.json:
                 with reading(car, "status"):
-                    lines = [*told_played(car, played), *screen(ear.newest, silent_s, columns_here())]
-                shown.show("\n".join(lines), "  ".join(lines[: 1 if silent_s <= SILENT_S else 2]))
+                    first, lines = told_played(car, played), screen(ear.newest, silent_s, columns_here())
+                line = "  ".join([*first, *lines[: 1 if silent_s <= SILENT_S else 2]])
+                shown.show("\n".join([*first, *lines]), line)
             elif ear.newest is not told:
                 told = ear.newest
                 options.print_line(json.dumps(told))

@@ -7,6 +7,7 @@ subscribe to that one alone.
 import argparse
 import asyncio
 import contextlib
+import itertools
 import json
 import math
 import statistics
@@ -26,9 +27,11 @@ LISTEN_S = 1.5
 WINDOW = 1000
 MAX_WAITING = 1000
 REPORT_EVERY_S = 1.0
-SILENT_S = 2.5
-"""Time without a message after which a topic counts as silent: the slowest ones come once a second."""
-FIRST_WITHIN_S = 5.0
+SILENT_S, SILENT_GAPS = 2.5, 2.5
+"""Time without a message, and so many of the longest gap before it, after which a topic counts as silent."""
+SLOWEST_S = 5.0
+"""Period of the slowest topics by default, `map` and `line`."""
+FIRST_WITHIN_S = 6.0
 """Timeout after which a topic without messages gets a sentence instead of an empty screen."""
 PrintLine = Callable[[str], object]
 Sample = tuple[str, bytes, float]
@@ -46,6 +49,12 @@ class RateMeter:
         """Count one sample."""
         self.arrivals_s.append(arrival_s)
         self.sizes.append(size)
+
+    @property
+    def silent_after_s(self) -> float:
+        """Return the time without a message after which this topic has fallen silent."""
+        longest_s = max((b - a for a, b in itertools.pairwise(self.arrivals_s)), default=SLOWEST_S)
+        return max(SILENT_S, SILENT_GAPS * longest_s)
 
     def clear(self) -> None:
         """Forget all samples."""
@@ -66,7 +75,7 @@ class RateMeter:
 
     def rate_line(self) -> str:
         """Return rate and regularity in a line."""
-        gaps_s = [b - a for a, b in zip(self.arrivals_s, list(self.arrivals_s)[1:], strict=False)]
+        gaps_s = [b - a for a, b in itertools.pairwise(self.arrivals_s)]
         if not gaps_s:
             return "one sample so far"
         spread_s = statistics.pstdev(gaps_s)
@@ -86,6 +95,8 @@ class RateMeter:
 
     def volume_line(self) -> str:
         """Return the volume in a line."""
+        if len(self.sizes) < 2:
+            return "one sample so far"
         mean = statistics.fmean(self.sizes)
         return (
             f"{self.bytes_per_s / 1000:8.2f} kB/s   {self.bytes_per_s * 8 / 1e6:.3f} Mbit/s"
@@ -199,7 +210,7 @@ async def measure(bus: Bus, car: str, topic: str, options: argparse.Namespace) -
             if silent_s > FIRST_WITHIN_S:
                 raise ConnectionProblemError(_nothing_on(car, topic))
             continue
-        if silent_s > SILENT_S:
+        if meter.arrivals_s and silent_s > meter.silent_after_s:
             meter.clear()
         words = line() if meter.arrivals_s else f"nothing for {silent_s:.0f} s (car off? topic silent?)"
         options.print_line(json.dumps({"topic": topic, **meter.fields()}) if options.json else words)

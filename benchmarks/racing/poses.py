@@ -111,7 +111,7 @@ def tracked(field: LineField, record: LapRecord, start: Floats, scale: float) ->
     found, took_ms = [], []
     for scan, motor in moments(record):
         begun_s = time.perf_counter()
-        found.append(localizer.take(scan, motor))
+        found.append(localizer.localize(scan, motor))
         took_ms.append(1000 * (time.perf_counter() - begun_s))
     return found, np.array(took_ms)
 
@@ -148,7 +148,7 @@ def kidnapped(known: KnownMap, record: LapRecord, true: Floats, seed: int) -> li
             continue
         localizer = Localizer(known.field, CarSettings(), tuple(true[at - 40]), known.scale)
         for scan, motor in all_moments[at - 40 : at]:
-            localizer.take(scan, motor)
+            localizer.localize(scan, motor)
         told_s.append(_told_s(localizer, all_moments, at, to, limit))
     return told_s
 

@@ -56,14 +56,16 @@ def measure_arcs(trace: Trace, assumed: AssumedCar) -> MeasuredArcs:
 def measure_forward(trace: Trace, lidar_m: tuple[float, float]) -> tuple[float, float] | None:
     """Return how far [m] and whereto [rad, 0 is ahead, left positive] the scans go on the first way forward.
 
-    Forward is what the motor reports; None where nothing tells. lidar_m: its place, ahead and to the left.
+    Forward is what the motor reports; None where nothing tells. Where the scans do not tell what is aside, as before a
+    single wall, it is ahead or backward. lidar_m: its place, ahead and to the left.
     """
     for before, after in pairwise(find_stops(trace)):
         if after.distance_m - before.distance_m > MIN_WAY_M:
             found = measure_shift(trace, before, after)
-            if found is not None and max(found.std[:2]) < MIN_WAY_M / 2:
-                moved_m = _moved_m(found.shift, lidar_m)
-                return abs(moved_m), cmath.phase(moved_m * cmath.exp(-0.5j * found.shift[2]))
+            if found is not None and found.std[0] < MIN_WAY_M / 2:
+                moved_m = _moved_m(found.shift, lidar_m) * cmath.exp(-0.5j * found.shift[2])
+                moved_m = moved_m if found.std[1] < MIN_WAY_M / 2 else complex(moved_m.real)
+                return abs(moved_m), cmath.phase(moved_m)
     return None
 
 

@@ -45,11 +45,12 @@ def model_of(made: type[Any], here: str, base: type[M], public: str) -> type[M]:
     if without:
         raise UserCodeError(f"{here}: its setting {without[0]} has no default; write {without[0]}: TYPE = VALUE")
     try:
-        validated(model, validated(model, {}).model_dump())
+        validated(model, validated(model, {}).model_dump(warnings=False))
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
-        raise UserCodeError(f"{here}: the default of its setting {key} is refused: {first['msg']}") from None
+        why = first["msg"].removeprefix("Value error, ")
+        raise UserCodeError(f"{here}: the default of its setting {key} is refused: {why}") from None
     return model
 
 

@@ -227,10 +227,12 @@ def settings_from(
     if settings is not None and not mistakes:
         return settings
     sources = (("--set", said), *layers.items())
-    found: dict[str, list[str]] = {}
+    found: dict[str, dict[str, None]] = {}
     for item in mistakes:
         where = next((at for at, layer in sources if item["loc"] and _holds(layer, item["loc"])), name)
-        found.setdefault(where, []).append(_sentence(item, tree))
+        found.setdefault(where, {})[_sentence(item, tree)] = (
+            None  # a law's name is checked by its import and by its type
+        )
     text = "; ".join(f"{where}: {'; '.join(lines)}" for where, lines in found.items())
     raise SettingsError(text, (str(item["loc"][0]) for item in mistakes if item["loc"]), tree)
 

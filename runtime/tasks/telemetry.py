@@ -210,8 +210,12 @@ class Telemetry:
                 yield queue.popleft(), urgent
         hurried = [topic for topic in BY_OUTPUT if topic in news]
         for topic in [*hurried, *(topic for topic in news if topic not in BY_OUTPUT)]:
-            self._news.pop(topic, None)  # what is written now is the newest, also of what came during this burst
-            yield (topic, now_s, partial(self._writers.write, topic)), False
+            yield (topic, now_s, partial(self._newest_of, topic)), False
+
+    def _newest_of(self, topic: str) -> Message | None:
+        """Return the newest message on a topic, which may have come during this burst: then it is no news any more."""
+        self._news.pop(topic, None)
+        return self._writers.write(topic)
 
     def _write(
         self, written: list[_Written], topic: str, at_s: float, write: Callable[[], Message | None], *, urgent: bool

@@ -98,7 +98,7 @@ class Plant:
     def catch_up(self, to_s: float) -> Iterator[float]:
         """Advance the time part by part, and yield it after each, to look for a contact.
 
-        A process that did not run for longer than PAUSED_S has had no world meanwhile: no car drove on in it, blind.
+        While its process did not run, beyond PAUSED_S, the car stood still: it does not drive on in one go, blind.
         """
         self._now_s = max(self._now_s, to_s - PAUSED_S)
         at_s = self._now_s

@@ -1,6 +1,7 @@
 """`lab walls`: error of the wanted distance, beside that of the best way that a search found."""
 
 import math
+import statistics
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -121,15 +122,15 @@ def _notes(rows: Sequence[Row]) -> tuple[str, ...]:
     notes = [f"{contacts} contacts, {failed} of {len(rows)} not completed"]
     if rows[0]["conditions"]:
         notes.append(f"the best way is that of the simulator's own car; these had {', '.join(rows[0]['conditions'])}")
-    ratios = sorted(
+    ratios = [
         row["mean_error_m"] / row["limit_m"]
         for row in rows
         if row["completed"] and row["limit_m"] and row["scenario"] in STRAIGHT_COURSES
-    )
+    ]
     if ratios:
         notes.append(
-            f"t1 to t4: error / that of the best way found: median {ratios[len(ratios) // 2]:.2f}, worst"
-            f" {ratios[-1]:.2f}; below 1 the drive was better than what the search found"
+            f"t1 to t4: error / that of the best way found: median {statistics.median(ratios):.2f}, worst"
+            f" {max(ratios):.2f}; below 1 the drive was better than what the search found"
         )
     return tuple(notes)
 

@@ -141,7 +141,8 @@ def start_of(options: argparse.Namespace, config: Path, car: SimulatedCar, setti
 async def _tell(cars: list[SimulatedCar], console: Console, *, with_page: bool) -> None:
     """Say once where the cars are, and serve one page for all of them."""
     await _until(lambda: all(car.record.address for car in cars))
-    places = ",".join(car.record.address.endpoint for car in cars if car.record.address is not None)
+    addresses = [car.record.address for car in cars if car.record.address is not None]
+    places = ",".join(address.endpoint for address in addresses if address.endpoint)
     first = cars[0].record
     if notice := port_notice(first.address, first.listen):
         console.print(f"{FIRST_CAR}: {notice}", soft_wrap=True)

@@ -231,7 +231,7 @@ JUDGES: dict[str, _Judge] = {
     "mean_speed_above_mps": _bounded(
         lambda expected, window: float(window.speed_mps[window.within(expected)].mean()), gt, "{:.2f} m/s"
     ),
-    "way_above_m": _bounded(lambda expected, window: window.way_m(expected), gt, "{:.1f} m"),
+    "way_above_m": _bounded(lambda expected, window: window.way_m(expected), gt, "{:.3f} m"),
     "laps_at_least": _bounded(lambda _, window: len(window.driven.laps_s), ge, "{} laps"),
     "lap_below_s": _lap_time,
     "reason": _reason,

@@ -125,10 +125,14 @@ def test_a_meter_counts_gaps_and_bytes():
     meter = RateMeter()
     meter.add(10.0, 100)
     assert math.isnan(meter.rate_hz)
-    assert meter.rate_line() == "one sample so far"
+    assert meter.rate_line() == meter.volume_line() == "one sample so far"
+    assert meter.silent_after_s > 12.0, "the next one of `map` comes after 5 s"
     for i in range(1, 11):
         meter.add(10 + 0.1 * i, 100)
     assert meter.rate_hz == pytest.approx(10)
     assert meter.bytes_per_s == pytest.approx(1000)
     assert "gaps min 100.0 ms, max 100.0 ms" in meter.rate_line()
     assert "1.00 kB/s" in meter.volume_line()
+    assert meter.silent_after_s == topics.SILENT_S
+    meter.add(14.0, 100)
+    assert meter.silent_after_s == pytest.approx(7.5)

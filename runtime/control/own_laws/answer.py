@@ -20,7 +20,7 @@ class WrongAnswerError(Exception):
 def of_kind(answer: object, wanted: type[A], name: str) -> A:
     """Return an answer of the wanted class."""
     if not isinstance(answer, wanted):
-        kind = "nothing" if answer is None else f"a {type(answer).__name__}"
+        kind = "nothing" if answer is None else f"a {type(answer).__name__.removeprefix('Law')}"
         raise WrongAnswerError(f"returned {kind} where a {name} is needed")
     return answer
 

@@ -22,7 +22,7 @@ MOTOR_BRAKE_MPS2 = 5.0
 """Deceleration that is counted on from a set speed that falls: a VESC ramps it by 5.4 m/s2."""
 FASTER_MPS = 0.2
 """Error of the speed from which the motor accelerates."""
-MAX_POINTS = 500
+MAX_POINTS, MAX_MPS = 500, 100.0
 MAX_GAP_M = 0.5
 MIN_SPACING_M = 0.1
 """Distance of the points of which bearings are taken: of nearer ones they are noise."""
@@ -99,7 +99,8 @@ def points_of(promise: Promise) -> tuple[Places, Floats] | Unbelievable:
     shaped = path_m.ndim == 2 and path_m.shape[0] == 2 and 2 <= path_m.shape[1] <= MAX_POINTS
     if not shaped or speed_mps.shape != path_m.shape[1:] or not 0.0 <= margin_m <= MAX_MARGIN_M:
         return Unbelievable(NO_NUMBERS)
-    if not (np.isfinite(path_m).all() and np.isfinite(speed_mps).all() and (speed_mps >= 0.0).all()):
+    possible = (speed_mps >= 0.0) & (speed_mps <= MAX_MPS)  # NaN is not
+    if not (np.isfinite(path_m).all() and possible.all()):
         return Unbelievable(NO_NUMBERS)
     return path_m[0] + 1j * path_m[1], speed_mps
 

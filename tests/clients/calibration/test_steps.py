@@ -85,8 +85,13 @@ def test_a_turned_lidar_is_not_taken_for_a_swapped_or_blocked_motor(car_toml, ya
     assert car.twin.way_m < 1.0
 
 
-def test_a_motor_that_runs_backward_is_not_driven_far(car_toml):
-    car = planted_car(1)
+def before_one_wall():
+    return World("wall", SegmentGeometry(box(3.0, 0.0, 0.05, 12.0)), Pose(0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("world", [LAB, before_one_wall()])
+def test_a_motor_that_runs_backward_is_not_driven_far(car_toml, world):
+    car = planted_car(1, world)
     car.motor.phases_swapped = True
     (step,) = driven_steps(frozenset({"speed"}))
     with pytest.raises(CalibrationError, match="swap two motor phases"):

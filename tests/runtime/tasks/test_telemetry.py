@@ -186,6 +186,33 @@ async def test_what_comes_while_a_burst_is_written_is_not_written_twice(monkeypa
     assert len(kept.of(topics.OUTPUT)) == 2
 
 
+async def test_what_comes_during_a_burst_and_is_too_early_for_a_topic_waits_for_the_next_burst(monkeypatch):
+    class Early(Keeper):
+        def claim(self, topic, at_s, *, urgent=False):
+            return topic != topics.SCAN or at_s >= due_s
+
+    rig = Rig(Early())
+    rig.drive_once()
+    due_s = rig.clock.now_s + 0.5
+    rig.clock.now_s += 1.0
+    task = asyncio.create_task(rig.telemetry.run())
+    monkeypatch.setattr("wallride.runtime.tasks.telemetry.TURN_S", -1.0)
+    rig.clock.now_s = due_s - 0.1
+    for turn in range(60):
+        await asyncio.sleep(0)
+        if turn == 3:
+            rig.telemetry.on_scan(scan_at(rig.clock.now_s))
+            speak(rig.observed)
+            rig.telemetry.on_guidance(scan_at(rig.clock.now_s), GUIDANCE)
+    assert rig.sinks[0].of(topics.SCAN) == []
+    rig.clock.now_s = due_s
+    rig.telemetry._woken.set()
+    for _ in range(60):
+        await asyncio.sleep(0)
+    task.cancel()
+    assert len(rig.sinks[0].of(topics.SCAN)) == 1
+
+
 async def test_they_leave_in_bursts_but_a_change_of_mind_at_once():
     rig = Rig()
     task = asyncio.create_task(rig.telemetry.run())

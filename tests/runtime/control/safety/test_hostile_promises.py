@@ -25,6 +25,7 @@ HOSTILE = {
     "infinite": (changed(set_to(math.inf, (1, 3))), promised_way.NO_NUMBERS),
     "no speed": (changed(speed=set_to(math.nan, 5)), promised_way.NO_NUMBERS),
     "backward": (changed(speed=set_to(-1.0, 5)), promised_way.NO_NUMBERS),
+    "beyond any speed": (changed(speed=set_to(1e308, 5)), promised_way.NO_NUMBERS),
     "no margin": (changed(margin_m=math.nan), promised_way.NO_NUMBERS),
     "negative margin": (changed(margin_m=-0.1), promised_way.NO_NUMBERS),
     "empty": (changed(lambda path_m: path_m[:, :0], lambda speed_mps: speed_mps[:0]), promised_way.NO_NUMBERS),
