@@ -45,7 +45,8 @@ EXPECTED = (
     CalibrationError, ConnectionProblemError, DriveRefusedError, RefusedError, SettingsError, StoreError,
     UnreadableError,
 )  # fmt: skip
-Stage = Literal["connecting", "ready", "hold", "driving", "measured", "ended"]
+Stage = Literal["connecting", "ready", "taking", "hold", "driving", "measured", "ended"]
+"""taking: the car is asked to obey, which takes up to 10 s where it refuses."""
 
 
 class PageDeadman:
@@ -134,7 +135,7 @@ class PageCalibration:
     @property
     def drives(self) -> bool:
         """Return whether the hands of the page are its deadman now."""
-        return self.stage in {"hold", "driving"}
+        return self.stage in {"taking", "hold", "driving"}
 
     def order(self, word: Calibrate) -> None:
         """Pass on what the page wants, if it fits the present stage."""
@@ -203,14 +204,16 @@ class PageCalibration:
             if self._next().do == "skip":
                 self._words = f"{step.title}: left out"
                 return []
-            self._words = ""
+            self.stage, self._words = "taking", ""
             try:
                 with RemoteLink(car, self.deadman, self._tell) as self._link:
                     self.stage = "hold"
                     self.deadman.renew()
                     self.stage = "driving"
                     self._link.forget()
-                    return list(step.run(self._link, so_far))
+                    found = list(step.run(self._link, so_far))
+                    self._words = ""
+                    return found
             except CalibrationError as error:
                 if self.deadman.ended:
                     raise
@@ -227,15 +230,21 @@ class PageCalibration:
         return order
 
     def _settle(self) -> None:
-        """Write what is accepted."""
+        """Write what is accepted, when the file takes it."""
         self.stage = "measured"
-        order = self._orders.get()
-        names = frozenset(order.names) if order is not None and order.do == "accept" else frozenset()
-        accepted = [one for one in self._found if one.changes and one.name in names]
-        if not accepted or self._file is None:
-            self._words = "Nothing was written."
-            return
-        kept = settings_file.write(self._file, accepted, datetime.now(UTC).date().isoformat())
+        while True:
+            order = self._orders.get()
+            names = frozenset(order.names) if order is not None and order.do == "accept" else frozenset()
+            accepted = [one for one in self._found if one.changes and one.name in names]
+            if not accepted or self._file is None:
+                self._words = "Nothing was written."
+                return
+            try:
+                kept = settings_file.write(self._file, accepted, datetime.now(UTC).date().isoformat())
+            except StoreError as error:
+                self._words = f"{error}. Nothing was written: mend that, and write again."
+            else:
+                break
         self._words = (
             f"{self._file}: {len(accepted)} values written; restart the car, it drives with the old ones until then."
             f" Undo: wallride calibrate --undo --config {self._file} (the values before are in {kept.name})."

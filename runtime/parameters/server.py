@@ -80,6 +80,7 @@ class ParameterServer:
         self.counts = Counts()
         self._car = car
         self._unsaved: set[str] = set()
+        self._kept = values(settings)  # what the file has, or the start gave
         self._saving = asyncio.Lock()
         self._described = _Descriptions()
         read_texts(settings)  # before the car drives
@@ -109,7 +110,8 @@ class ParameterServer:
             names = [name for name, _, _ in wanted.changed]
             self._car.apply(wanted.settings, names)
             self.settings = wanted.settings
-            self._unsaved.update(names)
+            now = values(wanted.settings)
+            self._unsaved = {name for name in self._unsaved.union(names) if now.get(name) != self._kept.get(name)}
             self._remember(question.by, wanted)
         return self._answer(changed=_as_json(wanted), unsaved=sorted(self._unsaved))
 
@@ -141,7 +143,9 @@ class ParameterServer:
         if edits:
             async with self._saving:
                 await self._write(self._car.file, edits)
-            self._unsaved -= {name for name in edits if values(self.settings).get(name) == edits[name]}
+            now = values(self.settings)
+            self._kept = {name: value for name, value in {**self._kept, **edits}.items() if value is not None}
+            self._unsaved -= {name for name in edits if now.get(name) == edits[name]}
             self._remember(by, later)
         return self._answer(saved=sorted(edits), file=str(self._car.file), after_restart=_as_json(later))
 

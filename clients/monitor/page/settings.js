@@ -97,28 +97,44 @@ export class Settings {
     return has;
   }
 
-  async #read(name) { return (await this.#link.ask("param/get", { names: [name] })).values[name]; }
+  async #read(name) { return (await this.#readAll([name]))[name]; }
+
+  async #readAll(names) { return (await this.#link.ask("param/get", { names })).values; }
 
   /** One drag of a slider is one step to undo, and so is a method with the settings that it changed. */
   #remember(name, changed) {
     const last = this.#undo.at(-1);
     const nowMs = performance.now();
-    if (last && last.name === name && nowMs - last.ms < 1000) last.ms = nowMs;
-    else {
-      const had = changed.filter(({ old }) => old !== null).map((change) => [change.name, change.old]);
-      this.#undo.push({ name, had: Object.fromEntries(had), ms: nowMs });
-    }
+    const valuesOf = (which) => Object.fromEntries(changed.filter((one) => one[which] !== null).map((one) => [one.name, one[which]]));
+    if (last && last.name === name && nowMs - last.ms < 1000) Object.assign(last, { ms: nowMs, set: valuesOf("new") });
+    else this.#undo.push({ name, had: valuesOf("old"), set: valuesOf("new"), ms: nowMs });
     if (this.#undo.length > 100) this.#undo.shift();
   }
 
   async #undoLast() {
     const last = this.#undo.at(-1);
     if (!last) return;
+    if (await this.#isChangedSince(last)) {
+      this.#undo.splice(this.#undo.indexOf(last), 1);
+      this.#showButtons();
+      announce(`${last.name} was changed since, and is left as it is`, "bad");
+      return;
+    }
     const has = await this.#set(last.name, last.had[last.name], last.had);
     if (has === undefined) return; // refused: it can be tried again, for example when the car stands
     this.#undo.splice(this.#undo.indexOf(last), 1);
     this.#showButtons();
     announce(`${last.name} is ${has} again`);
+  }
+
+  /** Whether another program, or a later step, has set what a step set: that is not undone with it. */
+  async #isChangedSince({ set }) {
+    try {
+      const now = await this.#readAll(Object.keys(set));
+      return Object.entries(set).some(([name, value]) => now[name] !== value);
+    } catch {
+      return true; // a law that was exchanged took its settings with it
+    }
   }
 
   async #save() {

@@ -131,6 +131,10 @@ async def test_a_step_is_driven_while_held_and_its_values_are_written_when_accep
         assert load_settings(car_toml).car.wheelbase_m == 0.33
         await tab.click("#calibration-rows input[value='car.lidar_x_m']")
         await tab.until("document.querySelector('#calibration-accept').textContent === 'Write 1 value'")
+        car_toml.write_text(FILE.replace("]", ""))
+        await tab.click("#calibration-accept")
+        await tab.until(f"{WORDS}.includes('Nothing was written: mend that, and write again.')")
+        car_toml.write_text(FILE)
         await tab.click("#calibration-accept")
         await tab.until(f"{WORDS}.includes('1 values written; restart the car')")
         assert load_settings(car_toml).car.wheelbase_m == 0.336
@@ -149,6 +153,26 @@ async def test_without_the_car_s_file_the_page_shows_the_lines(scene, tab, drive
         assert await tab.run("document.querySelector('#calibration-accept').hidden")
         await tab.click("#calibration-discard")
         await tab.until(f"{WORDS} === 'Nothing was written.'")
+
+
+async def test_a_car_that_refuses_is_asked_for_and_gives_the_hands_back(scene, tab, drive, monkeypatch):
+    monkeypatch.setattr("wallride.clients.remote.driver.READY_WITHIN_S", 0.3)
+    async with scene.car() as car, scene.monitor():
+        await watching(tab, scene)
+        await tab.key("keyDown", " ", "Space")
+        await tab.key("keyUp", " ", "Space")
+        await car.until(lambda: car.e_stop.latched, "e-stop")
+        await tab.run("document.querySelector('#calibration').open = true")
+        await tab.click("#calibration-wish button")
+        await stage(tab, "ready")
+        await tab.click("#calibration-drive")
+        await stage(tab, "taking")
+        assert await tab.run("document.querySelector('#calibration-skip').disabled"), "else it is done after the step"
+        await stage(tab, "ready")
+        assert "e-stop" in await tab.run(WORDS)
+        await tab.until("wallride.hands.engaged === false")
+        assert not drive.over.is_set()
+        assert car.history[1:] == []
 
 
 @pytest.mark.parametrize("way", ["close", "blur", "stop", "leave"])

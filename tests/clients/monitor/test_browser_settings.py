@@ -53,6 +53,17 @@ async def test_an_undo_that_the_car_refuses_shows_what_the_car_has_and_one_of_a_
     assert await tab.run("document.querySelector('#settings-undo').disabled")
 
 
+async def test_an_undo_leaves_what_another_has_set_since(tab, car):
+    await enter(tab, "wall_follow.kp", "11")
+    await car.until(lambda: car.settings.settings.wall_follow.kp == 11.0, "set")
+    await tab.until("document.querySelector('#settings-undo').textContent === 'Undo kp'")
+    car.settings.set_some(json.dumps({"values": {"wall_follow.kp": 12.25}}).encode())
+    await tab.click("#settings-undo")
+    await tab.until(f"{NOTICE}.textContent === 'wall_follow.kp was changed since, and is left as it is'")
+    assert car.settings.settings.wall_follow.kp == 12.25
+    assert await tab.run("document.querySelector('#settings-undo').disabled")
+
+
 async def test_a_refusal_is_said_in_words_and_goes_when_a_valid_value_is_taken(tab, car):
     before = await tab.run(f"{field(DISTANCE)}.value")
     await enter(tab, DISTANCE, "-3")

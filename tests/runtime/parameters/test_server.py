@@ -186,6 +186,19 @@ def test_what_was_set_is_saved_and_nothing_else(file):
     assert room.set(wall_follow__kd=1.0)["unsaved"] == ["wall_follow.kd"]
 
 
+def test_what_was_set_back_needs_no_saving(file):
+    room = Room(file, wall_follow={"kp": 0.4})
+    room.standing = True
+    assert room.set(wall_follow__kp=0.5)["unsaved"] == [KP]
+    assert room.set(wall_follow__kp=0.4)["unsaved"] == []
+    before = room.get("safety.method", "safety.grip_mu")
+    assert len(room.set(safety__method="report")["unsaved"]) > 1
+    assert room.set(**{name.replace(".", "__"): value for name, value in before.items()})["unsaved"] == []
+    room.set(wall_follow__kp=0.5)
+    room.save()
+    assert room.set(wall_follow__kp=0.4)["unsaved"] == [KP], "the file has the other one now"
+
+
 def test_what_takes_effect_after_a_restart_can_be_saved(file):
     file.write_text("[car]\nname = 'bob'\n")
     room = Room(file, car={"name": "bob"})

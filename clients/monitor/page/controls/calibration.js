@@ -2,7 +2,8 @@
 
 import { $, make, number, setHidden, setText } from "../look.js";
 
-const STEP_STAGES = ["connecting", "ready", "hold", "driving"];
+const HELD_STAGES = ["taking", "hold", "driving"];
+const STEP_STAGES = ["connecting", "ready", ...HELD_STAGES];
 
 export class Calibration {
   #link;
@@ -57,11 +58,12 @@ export class Calibration {
     if (!this.#link.say({ t: "calibrate", ...order })) setText($("calibration-words"), "There is no link to the monitor.");
   }
 
-  #isHeld() { return this.#now.stage === "hold" || this.#now.stage === "driving"; }
+  #isHeld() { return HELD_STAGES.includes(this.#now.stage); }
 
   #next() {
     const { stage, driven } = this.#now;
     if (stage === "ready") return "The car moves by itself once you have pressed Drive and hold the drive pad, an arrow key or LB. Let go to stop it.";
+    if (stage === "taking") return "Asking the car to obey: it does with its e-stop off, and no other operator.";
     if (stage === "hold") return "Release everything, then hold the drive pad, an arrow key or LB.";
     if (!driven) return "";
     return `Driving: ${number(driven.speed_mps, 2)} m/s asked, ${number(driven.reported_mps, 2)} m/s reported,`
