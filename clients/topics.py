@@ -199,9 +199,11 @@ async def list_topics(
 
 async def measure(bus: Bus, car: str, topic: str, options: argparse.Namespace) -> None:
     """Print rate or volume once a second; `options.count` lines, then end. A topic that falls silent begins anew."""
-    meter, began_s = RateMeter(), time.monotonic()
+    meter = RateMeter()
+    line = meter.rate_line if options.action == "hz" else meter.volume_line
+    began_s = heard_s = time.monotonic()
     bus.subscribe(topics.key(car, topic), lambda _, payload, arrival_s: meter.add(arrival_s, len(payload)))
-    line, said, heard_s = meter.rate_line if options.action == "hz" else meter.volume_line, 0, began_s
+    said = 0
     while not options.count or said < options.count:
         await asyncio.sleep(REPORT_EVERY_S)
         heard_s = meter.arrivals_s[-1] if meter.arrivals_s else heard_s

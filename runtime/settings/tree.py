@@ -230,9 +230,8 @@ def settings_from(
     found: dict[str, dict[str, None]] = {}
     for item in mistakes:
         where = next((at for at, layer in sources if item["loc"] and _holds(layer, item["loc"])), name)
-        found.setdefault(where, {})[_sentence(item, tree)] = (
-            None  # a law's name is checked by its import and by its type
-        )
+        said_there = found.setdefault(where, {})  # once: the import and the type check a law's name alike
+        said_there[_sentence(item, tree)] = None
     text = "; ".join(f"{where}: {'; '.join(lines)}" for where, lines in found.items())
     raise SettingsError(text, (str(item["loc"][0]) for item in mistakes if item["loc"]), tree)
 

@@ -63,7 +63,7 @@ export class Calibration {
   #next() {
     const { stage, driven } = this.#now;
     if (stage === "ready") return "The car moves by itself once you have pressed Drive and hold the drive pad, an arrow key or LB. Let go to stop it.";
-    if (stage === "taking") return "Asking the car to obey: it does with its e-stop off, and no other operator.";
+    if (stage === "taking") return "Asking the car for the hand: it gives it with its e-stop off and no other operator.";
     if (stage === "hold") return "Release everything, then hold the drive pad, an arrow key or LB.";
     if (!driven) return "";
     return `Driving: ${number(driven.speed_mps, 2)} m/s asked, ${number(driven.reported_mps, 2)} m/s reported,`
