@@ -122,7 +122,7 @@ def test_a_refused_map_has_no_line_whatever_is_drawn_on_it(drawn, here, capsys):
     ("arguments", "said"),
     [
         (["nowhere"], "no world is called 'nowhere'"),
-        (["none.yaml"], "wallride: no map file none.yaml"),
+        (["none.yaml"], "none.yaml; give the path of a map's .yaml file"),
         (["straight"], "does not close on itself"),
         (["loop", "--keep", "0.1"], "--keep 0.1 m is less than the car needs"),
         (["loop", "--path", "none.csv"], "none.csv cannot be used: No such file or directory; name another place"),

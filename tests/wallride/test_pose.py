@@ -165,7 +165,9 @@ def test_a_map_before_its_recording_is_told(folder, capsys):
     assert f"the recording comes first: wallride pose {recording} {map_}" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("map_", "said"), [("none.yaml", "no map file none.yaml"), ("again.mcap", "again.mcap: ")])
+@pytest.mark.parametrize(
+    ("map_", "said"), [("none.yaml", "none.yaml; give the path of a map's"), ("again.mcap", "again.mcap: ")]
+)
 def test_a_mistake_is_one_sentence(folder, map_, said, capsys):
     path = map_ if map_ == "none.yaml" else str(folder / map_)
     assert cli.main(["pose", str(folder / "again.mcap"), path]) == 2
