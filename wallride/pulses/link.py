@@ -62,10 +62,9 @@ class PulseLink:
         self._chain: ScanChain | None = None
         self._pose, self._way_m = STILL, 0.0
         self._now_s = -math.inf
-        self._lidar_x_m, self._lidar_y_m = lidar_place_m(now)
-        self._lidar_yaw_rad = now["lidar.yaw_rad"]
-        self._across_m = 0.0
-        self._places: deque[tuple[float, complex]] = deque(maxlen=round(STANDS_OVER_S / EVERY_S))
+        self._lidar_m, self._lidar_yaw_rad = complex(*lidar_place_m(now)), now["lidar.yaw_rad"]
+        self._place_m = 0j  # ways of the rear axle along and across
+        self._places_m: deque[complex] = deque(maxlen=round(STANDS_OVER_S / EVERY_S))
         self._asked_mps: float | None = None
         self._most_m, self._drove_back = 0.0, False
         self.use(now, gentle=True)
@@ -146,11 +145,10 @@ class PulseLink:
         pose = self._chain.take(scan.stamp_s, ranges_m)
         turn_rad = pose[2] - self._pose[2]
         along_rad = self._pose[2] + turn_rad / 2
-        self._way_m += (pose[0] - self._pose[0]) * math.cos(along_rad) + (pose[1] - self._pose[1]) * math.sin(along_rad)
-        across_m = (pose[1] - self._pose[1]) * math.cos(along_rad) - (pose[0] - self._pose[0]) * math.sin(along_rad)
-        self._way_m += turn_rad * self._lidar_y_m
-        self._across_m += across_m - turn_rad * self._lidar_x_m
-        self._places.append((scan.stamp_s, complex(self._way_m, self._across_m)))
+        moved_m = complex(pose[0] - self._pose[0], pose[1] - self._pose[1]) * cmath.exp(-1j * along_rad)
+        self._place_m += moved_m - 1j * turn_rad * self._lidar_m
+        self._way_m = self._place_m.real
+        self._places_m.append(self._place_m)
         self._pose, self._now_s = pose, scan.stamp_s
         angle_rad = steering_rad(self._settings, self._steering_us)
         seen.motor.append((scan.stamp_s, self._way_m, self._speed_mps(), angle_rad))
@@ -173,7 +171,7 @@ class PulseLink:
     def _check(self) -> None:
         """CalibrationError for a car that is much too fast, goes sideways, or is driven backward by its brake."""
         speed_mps, asked = self.seen.motor[-1][2], self._asked_mps
-        moved_m = self._places[-1][1] - self._places[0][1]
+        moved_m = self._places_m[-1] - self._places_m[0]
         drives = abs(self.throttle_us - self._settings.neutral_us) > AT_NEUTRAL_US
         if drives and abs(moved_m.imag) > max(SIDEWAYS_M, abs(moved_m.real)):
             raise CalibrationError(sideways(cmath.phase(moved_m), self._lidar_yaw_rad))

@@ -111,7 +111,7 @@ class PlaceSearch:
         yaws = yaw_rad + np.arange(-AROUND_RAD, AROUND_RAD + 1e-9, STEP_RAD)
         cells = self._cells_of(places)
         told = self._laid(points, Place(x_m, y_m, yaw_rad, 0.0))
-        if told.score >= ALIKE:
+        if told.score >= ALIKE:  # no place has more than 1
             return [told]
         rough = Candidates.joined(*(self._scored(points, places, cells, float(yaw)) for yaw in yaws))
         found = _joined([self._laid(points, place) for place in rough.apart(REFINED)]).apart(REFINED)

@@ -26,28 +26,21 @@ struct way {
     double promised;
 };
 
-/* The piece of knots x (n >= 1) for numpy's interp at a place; from: one that is not beyond it. */
-static beam piece_of(const double *x, beam n, double at, beam from) {
-    while (from + 1 < n && x[from + 1] <= at)
+/* Where a place lies among knots: in which piece, and by which share of it. */
+struct spot {
+    beam piece;
+    double share;
+};
+
+/* As numpy's interp; from: a piece that is not beyond the place. One knot is a piece alone. */
+static struct spot spot_of(const double *x, beam n, double at, beam from) {
+    while (from + 2 < n && x[from + 1] <= at)
         from++;
-    return from;
+    const double share = n > 1 ? (at - x[from]) / (x[from + 1] - x[from]) : 0.0;
+    return (struct spot){from, within(share, 0.0, 1.0)};
 }
 
-static double between(const double *x, const double *y, beam n, double at, beam piece) {
-    if (at <= x[0] || n == 1)
-        return y[0];
-    if (piece >= n - 1)
-        return y[n - 1];
-    return (y[piece + 1] - y[piece]) / (x[piece + 1] - x[piece]) * (at - x[piece]) + y[piece];
-}
-
-static place placed_between(const double *x, const place *y, beam n, double at, beam piece) {
-    if (at <= x[0] || n == 1)
-        return y[0];
-    if (piece >= n - 1)
-        return y[n - 1];
-    return (y[piece + 1] - y[piece]) / (x[piece + 1] - x[piece]) * (at - x[piece]) + y[piece];
-}
+#define BETWEEN(y, spot) ((y)[(spot).piece] + (spot).share * ((y)[(spot).piece + 1] - (y)[(spot).piece]))
 
 /* `_from_here`; along, places and speeds of the promise: of n >= 2 points; `to` has room for n + 1. */
 static enum refusal from_here(const double *along, const place *places, const double *speeds, beam n, struct cut *to) {
@@ -71,12 +64,13 @@ static enum refusal from_here(const double *along, const place *places, const do
     const double chords = most(1.0, (double)(n - 1 - first) - share_there);
     const beam count = (beam)most(2.0, ceil(least(left / PROMISED_WAY_MIN_SPACING_M, chords) - PROMISED_WAY_ROUNDING) + 1.0);
     to->count = count;
-    for (beam i = 0, piece = first; i < to->count; i++) {
+    struct spot spot = {first, 0.0};
+    for (beam i = 0; i < count; i++) {
         const double at = here + left * (double)i / (double)(count - 1);
-        piece = piece_of(along, n, at, piece);
+        spot = spot_of(along, n, at, spot.piece);
         to->along[i] = at - here;
-        to->at[i] = placed_between(along, places, n, at, piece);
-        to->speed[i] = between(along, speeds, n, at, piece);
+        to->at[i] = BETWEEN(places, spot);
+        to->speed[i] = BETWEEN(speeds, spot);
     }
     return DRIVABLE;
 }
@@ -94,8 +88,12 @@ static enum refusal bends(struct cut *cut) {
             cut->bend[i - 1] = turned / (cut->middle[i] - cut->middle[i - 1]);
         before = chord;
     }
-    if (chords == 1)
-        cut->bend[0] = 0.0;
+    if (chords == 2)
+        cut->bend[1] = cut->bend[0];
+    if (chords == 1) { /* a second knot for BETWEEN */
+        cut->bend[0] = cut->bend[1] = 0.0;
+        cut->angle[1] = cut->angle[0];
+    }
     return fabs(cut->angle[0]) > PROMISED_WAY_HERE_RAD ? NOT_HERE : DRIVABLE;
 }
 
@@ -114,21 +112,21 @@ static void resample(const struct cut *cut, const struct car *car, struct way *w
     const beam n = cut->count, chords = n - 1, bent = chords > 1 ? chords - 1 : 1;
     const double *vertex = chords > 1 ? cut->along + 1 : cut->middle, last = cut->middle[chords - 1];
     const place ahead = CMPLX(cos(cut->angle[chords - 1]), sin(cut->angle[chords - 1]));
-    beam at = 0, middle = 0, corner = 0;
+    struct spot at = {0, 0.0}, middle = at, corner = at;
     place moved = 0.0, begin = 0.0;
     way->within = 0;
     for (beam i = 0; i < way->count; i++) {
         const double travel = step * (double)(i + 1);
-        at = piece_of(cut->along, n, travel, at);
-        middle = piece_of(cut->middle, chords, travel, middle);
-        corner = piece_of(vertex, bent, travel, corner);
-        const double bend = between(vertex, cut->bend, bent, travel, corner);
-        double course = between(cut->middle, cut->angle, chords, travel, middle);
+        at = spot_of(cut->along, n, travel, at.piece);
+        middle = spot_of(cut->middle, chords, travel, middle.piece);
+        corner = spot_of(vertex, bent, travel, corner.piece);
+        const double bend = BETWEEN(cut->bend, corner);
+        double course = BETWEEN(cut->angle, middle);
         if (travel >= last)
             course += bend * (travel - last);
         if (travel <= way->promised) {
             way->within = i + 1;
-            way->at[i] = placed_between(cut->along, cut->at, n, travel, at);
+            way->at[i] = BETWEEN(cut->at, at);
         } else {
             if (way->within == i)
                 begin = cut->at[n - 1] + ((double)i * step - way->promised) * ahead;
@@ -139,7 +137,7 @@ static void resample(const struct cut *cut, const struct car *car, struct way *w
         way->travel[i] = travel;
         way->curvature[i] = bend;
         way->course[i] = CMPLX(cos(course), sin(course));
-        way->speed[i] = believed(between(cut->along, cut->speed, n, travel, at), travel, car);
+        way->speed[i] = believed(BETWEEN(cut->speed, at), travel, car);
     }
 }
 
