@@ -1,12 +1,14 @@
 """Interfaces of followers and safety laws, shared by every method."""
 
 import math
-from typing import Protocol
+from collections.abc import Mapping
+from typing import Any, Protocol
 
 from wallride.drivers.api import Drive, MotorState, Scan
 from wallride.drivers.value import value
 from wallride.runtime.arbitration.command import SafetyAssessment, Verdict
 from wallride.runtime.arbitration.promise import Promise
+from wallride.runtime.control.perception.geometry import Floats
 
 __all__ = ["Follower", "Guard", "Guidance", "Promise", "SafetyAssessment", "Verdict"]
 
@@ -41,6 +43,23 @@ class Follower(Protocol):
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
         """Answer one scan; called once for each, in order."""
+
+
+class Driver(Follower, Protocol):
+    """A follower of the table of laws."""
+
+    @property
+    def path_m(self) -> Floats | None:
+        """Return the path that it plans, (2, k) in base_link, for drawings; None where it plans none."""
+        return None
+
+    @property
+    def figures(self) -> Mapping[str, Any]:
+        """Return laps and errors along a race line; nothing where it drives none."""
+        return {}
+
+    def tune(self, settings: Any) -> None:  # noqa: ANN401 - each law has its own
+        """Change the settings and keep the state."""
 
 
 class Guard(Protocol):

@@ -1,20 +1,20 @@
 """The laws by name, as two tables, and the laws of one car, with settings that may change while it drives.
 
-A built-in follower is a class with `follow`, `tune` and `path_m`, its settings in `method_settings`, and a row of
-FOLLOWERS; a safety law has a row of SAFETY. The state of the laws (the steering's offset, the dirt on the window, an
-active hard stop, the moving obstacles) is kept when settings change; only another method begins anew. Each law computes
-a scan wholly with the old or wholly with the new values.
+A built-in follower is a `Driver` with its settings in `method_settings` and a row of FOLLOWERS; a safety law has a row
+of SAFETY. The state of the laws (the steering's offset, the dirt on the window, an active hard stop, the moving
+obstacles) is kept when settings change; only another method begins anew. Each law computes a scan wholly with the old
+or wholly with the new values.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any
 
 from wallride.drivers.api import Clock, MotorState, Scan
 from wallride.runtime.arbitration.command import SafetyAssessment, Verdict
 from wallride.runtime.control.corridor_following.corridor_follower import CorridorFollower
-from wallride.runtime.control.guidance import Follower, Guard, Guidance
+from wallride.runtime.control.guidance import Driver, Follower, Guard, Guidance
 from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.line_following.line_follower import LineFollower
 from wallride.runtime.control.method_settings import (
@@ -38,16 +38,6 @@ from wallride.runtime.control.safety.swept import SweptGuard, assumed
 from wallride.runtime.control.safety.swept_settings import RecoverySettings
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.control.wall_following.ball import BallFollower
-
-
-class Driver(Follower, Protocol):
-    """A follower of the table. path_m: that of its ball, (2, k) in base_link; None where there is none."""
-
-    @property
-    def path_m(self) -> Floats | None: ...  # noqa: D102 - in the class docstring
-
-    def tune(self, settings: Any) -> None:  # noqa: ANN401 - each law has its own
-        """Change the settings and keep the state."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,14 +227,15 @@ class LiveLaws(LawStack):
 
     @property
     def path_m(self) -> Floats | None:
-        """Path of the follower's ball, (2, k) in base_link; None where there is none."""
+        """Path that the follower plans, (2, k) in base_link; None where it plans none."""
         path_m: Floats | None = self.driver.path_m
         return path_m
 
     @property
     def race(self) -> Mapping[str, Any]:
         """Return laps and errors along the line; nothing where no line is driven."""
-        return self.driver.figures if isinstance(self.driver, LineFollower) else {}
+        figures: Mapping[str, Any] = self.driver.figures
+        return figures
 
     def remember_own_parts(self, known: KnownParts | None) -> None:
         """Restore these own parts, known from before, and reset the state of the window."""

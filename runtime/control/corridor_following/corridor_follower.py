@@ -19,7 +19,7 @@ from wallride.runtime.control.corridor_following.corridor_settings import Corrid
 from wallride.runtime.control.corridor_following.kept_way import KeptWay, Way
 from wallride.runtime.control.corridor_following.marching import STEP_M, course_of, curvature_of
 from wallride.runtime.control.corridor_following.way_speed import WayGrip, way_speeds_mps
-from wallride.runtime.control.guidance import Guidance, Promise
+from wallride.runtime.control.guidance import Driver, Guidance, Promise
 from wallride.runtime.control.line_following import line_law
 from wallride.runtime.control.line_following.promising import Return, way_ahead
 from wallride.runtime.control.line_following.race_line import CourseLine, OnLine
@@ -50,7 +50,7 @@ MARGIN_M: Final = 0.08
 """Error aside that a promise admits; what safety measures beyond it counts."""
 
 
-class CorridorFollower:
+class CorridorFollower(Driver):
     """Follows the course; `CorridorFollowSettings` has its parameters."""
 
     def __init__(self, settings: CorridorFollowSettings, car: CarSettings, perception: Perception) -> None:

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from wallride.drivers.api import Drive, MotorState, Scan
-from wallride.runtime.control.guidance import Guidance, Promise
+from wallride.runtime.control.guidance import Driver, Guidance, Promise
 from wallride.runtime.control.line_following import line_law
 from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.line_following.joining import way_is_free
@@ -57,7 +57,7 @@ LEFT_M, LEFT_RAD = 0.8, 1.0
 DRAWN_M, DRAWN_STEP_M = 4.0, 0.2
 
 
-class LineFollower:
+class LineFollower(Driver):
     """Follows the line of a course. course: None for a car without a map."""
 
     def __init__(

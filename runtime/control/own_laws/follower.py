@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from wallride.drivers.api import Clock, Drive, MotorState, Scan
-from wallride.runtime.control.guidance import Guidance, Promise
+from wallride.runtime.control.guidance import Driver, Guidance, Promise
 from wallride.runtime.control.own_laws.answer import WrongAnswerError, number, of_kind, shown, text
 from wallride.runtime.control.own_laws.api import LawGuidance
 from wallride.runtime.control.own_laws.law_class import LawClass
@@ -21,11 +21,8 @@ Path = tuple[Floats, Floats]
 """Places (2, n) [m] and speeds (n,) [m/s] of a promise."""
 
 
-class OwnFollower:
+class OwnFollower(Driver):
     """Asks the user's law for each scan; a fault is a standstill with the fault as its reason."""
-
-    path_m: Floats | None = None
-    """It plans no path."""
 
     def __init__(
         self, law: LawClass, settings: OwnFollowSettings, car: CarSettings, perception: Perception, clock: Clock | None

@@ -12,8 +12,7 @@ from typing import Literal
 
 from wallride.drivers.api import Drive, MotorState, Scan
 from wallride.runtime.arbitration.command import NO_LIMIT_MPS
-from wallride.runtime.control.guidance import Follower, Guidance, Verdict
-from wallride.runtime.control.perception.geometry import Floats
+from wallride.runtime.control.guidance import Driver, Follower, Guidance, Verdict
 from wallride.runtime.control.report.measures import WallMeasures, measured, middle_beam_m, range_ahead_m
 from wallride.runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
 from wallride.runtime.control.vehicle import CarSettings
@@ -21,15 +20,12 @@ from wallride.runtime.control.vehicle import CarSettings
 STEEP_RAD = math.pi / 3
 
 
-class ReportFollower:
+class ReportFollower(Driver):
     """steer = Kd * atan(slope) + Kp * error, towards the wall when positive; 0 when the line is steeper than pi/3.
 
     Its error is its own distance, in corners that of the corner rule, less the wanted one: what the
     report scores, and not the true error.
     """
-
-    path_m: Floats | None = None
-    """It plans no path."""
 
     def __init__(self, settings: ReportFollowSettings) -> None:
         self.tune(settings)

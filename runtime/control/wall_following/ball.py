@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from wallride.drivers.api import Drive, MotorState, Scan
-from wallride.runtime.control.guidance import Guidance
+from wallride.runtime.control.guidance import Driver, Guidance
 from wallride.runtime.control.perception.geometry import Floats
 from wallride.runtime.control.perception.noise_bias import FIRST_NOISE_M, learn_noise_m
 from wallride.runtime.control.perception.view import ViewCache
@@ -41,7 +41,7 @@ MIN_OPPOSITE_M = 0.1
 """Minimum clearance of the path in a lane: a nearer path passes through the obstacle, which is a wall with gaps."""
 
 
-class BallFollower:
+class BallFollower(Driver):
     """Follows a wall by the rolling ball; `BallSettings` has its parameters."""
 
     def __init__(self, settings: BallSettings, car: CarSettings, eyes: ViewCache) -> None:
