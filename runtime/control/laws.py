@@ -86,7 +86,7 @@ FOLLOWERS: Mapping[str, Callable[[Any, Parts], Driver]] = MappingProxyType(
     {
         "ball": lambda settings, parts: BallFollower(settings, parts.car, parts.perception.views),
         "report": lambda settings, _: ReportFollower(settings),
-        "line": lambda settings, parts: LineFollower(settings, parts.car, parts.perception.views, parts.course),
+        "line": lambda settings, parts: LineFollower(settings, parts.car, parts.perception, parts.course),
         "corridor": lambda settings, parts: CorridorFollower(settings, parts.car, parts.perception),
         OWN_TAG: lambda settings, parts: OwnFollower(
             load_law("wall_follow", settings.method), settings, parts.car, parts.perception, parts.clock

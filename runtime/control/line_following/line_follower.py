@@ -3,7 +3,8 @@
 For each scan: the pose, the car as it will be when the answer takes effect, the nearest point of the line there, and
 steering and speed by `line_law`. It comes to the line from the wall's path, slowly and only over known free ground.
 Where the line goes the other way, as after a hard stop that has turned the car, it says whereto, and recovery turns it.
-The ball answers every scan, too, so that it has followed the wall already when it is needed.
+The ball follows the wall at every scan, too, so that it knows it already when it is needed: where the line is driven,
+after the answer.
 """
 
 import cmath
@@ -28,7 +29,7 @@ from wallride.runtime.control.line_following.race_line import CourseLine, OnLine
 from wallride.runtime.control.localization.localizer import PoseEstimate, Whereabouts
 from wallride.runtime.control.perception.geometry import Floats
 from wallride.runtime.control.perception.motion.trim import SteeringTrim
-from wallride.runtime.control.perception.view import ViewCache
+from wallride.runtime.control.perception.perception import Perception
 from wallride.runtime.control.tyres import Moving, Tyres, eased_mps
 from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
 from wallride.runtime.control.wall_following.ball import MAX_STEP_S, BallFollower
@@ -61,12 +62,13 @@ class LineFollower(Driver):
     """Follows the line of a course. course: None for a car without a map."""
 
     def __init__(
-        self, settings: LineFollowSettings, car: CarSettings, eyes: ViewCache, course: RaceCourse | None
+        self, settings: LineFollowSettings, car: CarSettings, perception: Perception, course: RaceCourse | None
     ) -> None:
         self._settings = settings
         self._car = car
+        self._perception = perception
         self._course = course
-        self._wall = BallFollower(_of_wall(settings), car, eyes)
+        self._wall = BallFollower(_of_wall(settings), car, perception.views)
         line = self._line
         self._laps = LapMemory(line.length_m if line is not None else math.inf)
         self._correction = LapCorrection(line) if line is not None else None
@@ -86,6 +88,7 @@ class LineFollower(Driver):
 
     def tune(self, settings: LineFollowSettings) -> None:
         """Change the settings; laps, trim and the reached share stay."""
+        self._perception.catch_up()
         self._settings = settings
         self._wall.tune(_of_wall(settings))
         self._build_up.tune(settings.first_lap_share, settings.faster_each_lap)
@@ -112,13 +115,13 @@ class LineFollower(Driver):
 
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
         """Answer one scan."""
-        by_wall = self._wall.follow(scan, motor)
+        self._perception.catch_up()
         since_s, self._stamp_s = scan.stamp_s - self._stamp_s, scan.stamp_s
         since_s = since_s if 0.0 < since_s < MAX_STEP_S else 0.0
         if motor is not None and self._held.tells(motor.speed_mps, since_s) and self._joined:
             self._build_up.slower()
             self._promises.held_back()
-        guidance = self._eased(self._by_line(scan, motor, by_wall, since_s), motor)
+        guidance = self._eased(self._by_line(scan, motor, since_s), motor)
         drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
         self._held.asks(drive.speed_mps)
         self._told.tell(drive.steering_rad, since_s)
@@ -136,15 +139,15 @@ class LineFollower(Driver):
         least_mps = eased_mps(speed_mps, speed_mps * turn_radps, tyres.mu * GRAVITY_MPS2) / pose.scale
         return replace(guidance, drive=Drive(max(drive.speed_mps, least_mps), drive.steering_rad))
 
-    def _by_line(self, scan: Scan, motor: MotorState | None, by_wall: Guidance, since_s: float) -> Guidance:
+    def _by_line(self, scan: Scan, motor: MotorState | None, since_s: float) -> Guidance:
         course, line = self._course, self._line
         if course is None or line is None:
-            return self._by_wall(by_wall, NO_LINE)
+            return self._by_wall(scan, motor, NO_LINE)
         self._pose = pose = course.localizer.take(scan, motor)
         if motor is None or pose.whereabouts is not Whereabouts.LOCATED:
             if self._settings.without_pose == "stop":
-                return replace(self._by_wall(by_wall, STOPPED), drive=None)
-            return self._by_wall(by_wall, UNKNOWN)
+                return replace(self._by_wall(scan, motor, STOPPED), drive=None)
+            return self._by_wall(scan, motor, UNKNOWN)
         assumed = self._tyres()
         now = Moving(
             complex(pose.x_m, pose.y_m), pose.yaw_rad, motor.speed_mps * pose.scale, pose.turn_radps, self._trim.rad
@@ -155,11 +158,12 @@ class LineFollower(Driver):
         self._on_line_s += since_s
         self._on_line_m += now.speed_mps * since_s
         if reason := self._unfit(now, line, course, tyres):
-            guidance = self._by_wall(by_wall, reason)
+            guidance = self._by_wall(scan, motor, reason)
             if reason is not WRONG_WAY:
                 return guidance
             toward_rad = line.nearest(now.place_m).yaw_rad - now.yaw_rad
             return replace(guidance, toward_rad=math.remainder(toward_rad, math.tau))
+        self._perception.defer(lambda: self._wall.follow(scan, motor))
         guidance = self._along(scan, now, line, tyres, pose.scale)
         return replace(guidance, promise=self._promise(scan.stamp_s, since_s, now, line, tyres, pose.scale))
 
@@ -256,10 +260,11 @@ class LineFollower(Driver):
         grips = abs(now.speed_mps * now.turn_radps) < AT_GRIP * self._settings.floor_mu * GRAVITY_MPS2
         return steers and grips and now.speed_mps > AT_SPEED * self._build_up.share * line.speed_at(on.along_m)
 
-    def _by_wall(self, guidance: Guidance, reason: str) -> Guidance:
+    def _by_wall(self, scan: Scan, motor: MotorState | None, reason: str) -> Guidance:
         """Follow the wall, and say why; its distance is no error from the line."""
         self._joined, self._on = False, None
         self._laps.begin()
+        guidance = self._wall.follow(scan, motor)
         return replace(guidance, reason=reason if guidance.drive is not None else guidance.reason, error_m=math.nan)
 
     def _tyres(self) -> Tyres:

@@ -106,6 +106,7 @@ class Perception:
         self._last_m: float | None = None
         self._percept: Percept | None = None
         self._learnt = True
+        self._deferred: Callable[[], object] | None = None
 
     def tune(self, assumed: Assumed) -> None:
         """Change what is assumed; the window's dirt and the tracks of moving obstacles are kept."""
@@ -178,6 +179,16 @@ class Perception:
         """Return the view of the newest scan, None before the first."""
         return self._percept.view if self._percept is not None else None
 
+    def defer(self, work: Callable[[], object]) -> None:
+        """Do this before `learn` learns anything: one piece of work for a scan."""
+        self._deferred = work
+
+    def catch_up(self) -> None:
+        """Do what was deferred, if that is still to do."""
+        if (work := self._deferred) is not None:
+            self._deferred = None
+            work()
+
     def forget_newest(self) -> None:
         """Learn nothing from the newest scan: it was a rehearsal."""
         self._learnt = True
@@ -188,6 +199,7 @@ class Perception:
         Runs after the answer is sent, so that the motor does not wait for it; at the latest with the next scan.
         Idempotent.
         """
+        self.catch_up()
         percept = self._percept
         if self._learnt or percept is None:
             return

@@ -18,8 +18,10 @@ from wallride.runtime.control.line_following.line_follower import LineFollower
 from wallride.runtime.control.line_following.line_settings import LineFollowSettings
 from wallride.runtime.control.line_following.observed_slip import ObservedSlip
 from wallride.runtime.control.localization.localizer import Localizer, PoseEstimate, Whereabouts
-from wallride.runtime.control.perception.view import ViewCache
+from wallride.runtime.control.perception.perception import Perception
 from wallride.runtime.control.safety.promise_record import KEPT_S, KEPT_WAY_M
+from wallride.runtime.control.safety.swept import assumed
+from wallride.runtime.control.safety.swept_settings import SweptSettings
 from wallride.runtime.control.tyres import Moving
 from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings, ServoCar
 
@@ -36,7 +38,7 @@ def believed_at_once(monkeypatch):
 def follower(field, line=None, start=START, car=CAR, **settings):
     course = field and RaceCourse("lab", field, Localizer(field, car, start), line or round_the_block())
     chosen = LineFollowSettings(desired_distance_m=0.9, side="right", **settings)
-    return LineFollower(chosen, car, ViewCache(car), course)
+    return LineFollower(chosen, car, Perception(car, assumed(SweptSettings())), course)
 
 
 def answers(one, room, pose, *, scans=6, begin=0, speed_mps=0.0, **more):
@@ -46,6 +48,20 @@ def answers(one, room, pose, *, scans=6, begin=0, speed_mps=0.0, **more):
         scan = room.scan(pose, stamp_s=0.025 * k, noise_m=0.01, seed=k, number=k, **more)
         found.append(one.follow(scan, report(0.025 * k, speed_mps=speed_mps)))
     return found
+
+
+def test_on_the_line_the_wall_is_followed_after_the_answer_and_at_every_scan(room, field, monkeypatch):
+    one, followed = follower(field), []
+    follow = one._wall.follow
+    monkeypatch.setattr(one._wall, "follow", lambda scan, motor: followed.append(scan.sequence) or follow(scan, motor))
+    sixth = answers(one, room, (2.0, 0.0, 0.0))[-1]
+    assert (sixth.reason, followed) == (line_follower.DRIVES, [0, 1, 2, 3, 4])
+    one._perception.learn()
+    assert followed == [0, 1, 2, 3, 4, 5]
+    answers(one, room, (2.0, 0.0, 0.0), begin=6, scans=1)
+    assert followed == [0, 1, 2, 3, 4, 5]
+    one.tune(one._settings)
+    assert followed == [0, 1, 2, 3, 4, 5, 6]
 
 
 def test_on_the_line_it_drives_the_line(room, field):
