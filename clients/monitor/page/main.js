@@ -70,61 +70,27 @@ function frame() {
   plots.draw(nowMs);
 }
 
+/** What is done with a topic's newest message; ms: when it left the car, on this page's clock. */
+const TAKE = {
+  scan({ stamp }) { timings.received(stamp); scene.dirty = true; },
+  wall() { scene.dirty = true; },
+  footprint(markers, ms) { scene.takeFootprint(markers, ms); scene.dirty = true; },
+  pose(pose, ms) { scene.course.takePose(pose); scene.takePlace(pose, true, ms); },
+  odom(odometry, ms) { scene.takePlace(odometry, false, ms); plots.push(plots.speed, 2, ms, odometry.speed); },
+  output({ speed, steering }, ms) { plots.push(plots.speed, 1, ms, speed); plots.pushSteering(ms, steering); },
+  distance_error({ value }, ms) { plots.push(plots.error, 0, ms, value); },
+  decision({ value }, ms) { plots.push(plots.speed, 0, ms, value.asked_mps ?? NaN); },
+  status({ value }, ms) { takeStatus(value, ms); },
+  beat: takeBeat,
+  pilot({ value }) { pilotView.show(value); },
+  monitor({ value }) { takeMonitor(value); },
+  fleet({ value }) { fleet.show(value); },
+  calibration({ value }) { calibration.show(value); },
+  lap_map({ value }) { lapMap.show(value); },
+};
+
 function takeNews(topic) {
-  const nowMs = link.seenMs[topic];
-  const message = link.newest[topic];
-  switch (topic) {
-    case "scan":
-      timings.received(message.stamp);
-      scene.dirty = true;
-      break;
-    case "wall":
-      scene.dirty = true;
-      break;
-    case "footprint":
-      scene.takeFootprint(message, nowMs);
-      scene.dirty = true;
-      break;
-    case "pose":
-      scene.course.takePose(message);
-      scene.takePlace(message, true, nowMs);
-      break;
-    case "odom":
-      scene.takePlace(message, false, nowMs);
-      plots.push(plots.speed, 2, nowMs, message.speed);
-      break;
-    case "output":
-      plots.push(plots.speed, 1, nowMs, message.speed);
-      plots.pushSteering(nowMs, message.steering);
-      break;
-    case "distance_error":
-      plots.push(plots.error, 0, nowMs, message.value);
-      break;
-    case "decision":
-      plots.push(plots.speed, 0, nowMs, message.value.asked_mps ?? NaN);
-      break;
-    case "status":
-      takeStatus(message.value, nowMs);
-      break;
-    case "beat":
-      takeBeat(message);
-      break;
-    case "pilot":
-      pilotView.show(message.value);
-      break;
-    case "monitor":
-      takeMonitor(message.value);
-      break;
-    case "fleet":
-      fleet.show(message.value);
-      break;
-    case "calibration":
-      calibration.show(message.value);
-      break;
-    case "lap_map":
-      lapMap.show(message.value);
-      break;
-  }
+  TAKE[topic]?.(link.newest[topic], link.seenMs[topic]);
   wantFrame();
 }
 
