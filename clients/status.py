@@ -59,15 +59,11 @@ async def run(options: argparse.Namespace) -> int:
 
 
 class StatusListener:
-    """Keeps the newest status of each car that a key matches.
-
-    newest: the last one received of any car; heard_s: its time on this machine's monotonic clock.
-    """
+    """Keeps the newest status of a car. heard_s: its arrival on this machine's monotonic clock."""
 
     def __init__(self, bus: Bus, key: str) -> None:
         self.newest: Status = {}
         self.heard_s = 0.0
-        self.by_car: dict[str, Status] = {}
         self._came = asyncio.Event()
         bus.subscribe(key, self._on_status)
 
@@ -85,12 +81,11 @@ class StatusListener:
             ) from None
         return self.newest
 
-    def _on_status(self, key: str, payload: bytes, arrival_s: float) -> None:
+    def _on_status(self, _key: str, payload: bytes, arrival_s: float) -> None:
         try:
-            status = topics.decode(payload)
+            self.newest = topics.decode(payload)
         except (ValueError, TypeError):
             return  # the next one comes in a tenth of a second
-        self.newest = self.by_car[key.split("/")[1]] = status
         self.heard_s = arrival_s
         self._came.set()
 

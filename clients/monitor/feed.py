@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import logging
 import math
 import time
 from collections.abc import Mapping
@@ -18,8 +17,6 @@ from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.network import BYTES, RefusedError
 from wallride.runtime.wire.teleop import Beat, Command, Malformed, read_beat
-
-log = logging.getLogger("wallride.monitor")
 
 RETRY_S = 0.5
 ASK_EVERY_S = 1.0

@@ -7,8 +7,6 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, TypeAdapte
 from wallride.clients.teleop.inputs import Control
 
 LONGEST = 8192
-QUESTIONS = ("param/list", "param/get", "param/set", "param/save", "param/history", "record", "simulator")
-"""Queries that a page may send to a car; no others."""
 
 U32 = Annotated[int, Field(ge=0, le=0xFFFF_FFFF)]
 Stick = Annotated[float, Field(ge=-1, le=1)]
@@ -108,7 +106,7 @@ class Calibrate(_PageMessage):
 
 
 class Ask(_PageMessage):
-    """Query to the car; the answer carries the same number."""
+    """Query to the car, one of these and no other; the answer carries the same number."""
 
     t: Literal["ask"]
     id: U32

@@ -35,9 +35,9 @@ class ServiceError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class ServicePart:
-    """One part. is_there: whether it is as wanted. make, remove: do it, and undo it; None where nothing is undone.
+    """One part. words: what it is. is_there: whether it is as wanted.
 
-    words: what it is. note: printed with the plan where it says more.
+    make, remove: do it, and undo it; None where nothing is undone.
     """
 
     words: str
@@ -113,17 +113,13 @@ def has_user(root: Path) -> bool:
     return _entry(root, "passwd", USER) is not None
 
 
-def purge(root: Path) -> list[str]:
-    """Remove what a removal otherwise keeps: settings, keys, recordings, caches and the user. Return their names."""
-    gone = []
+def purge(root: Path) -> None:
+    """Remove what a removal otherwise keeps: settings, keys, recordings, caches and the user."""
     for folder in (str(FOLDER), *PURGED):
         if (root / folder).exists():
             shutil.rmtree(root / folder)
-            gone.append(f"/{folder}")
     if has_user(root):
         _call(root, "userdel", USER)
-        gone.append(f"user {USER}")
-    return gone
 
 
 def _file(root: Path, path: Path, text: str, words: str) -> ServicePart:

@@ -272,11 +272,8 @@ export class Beat {
   }
 
   get latched() { return (this.flags & 1) !== 0; }
-  get permitted() { return (this.flags & 2) !== 0; }
   get present() { return (this.flags & 4) !== 0; }
   get lost() { return (this.flags & 8) !== 0; }
-  get rearm() { return (this.flags & 16) !== 0; }
-  get fault() { return (this.flags & 32) !== 0; }
 
   #readName(view, start) {
     let changed = false;
