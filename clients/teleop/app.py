@@ -111,7 +111,8 @@ class Client:
             self._screen.draw(rows, advice)
         except OSError:
             return False
-        self._source.show(rows, advice.mood.value)
+        if self._source.window is not None:
+            self._source.window.show(rows, advice.mood.value)
         return True
 
     def _listen(self) -> None:

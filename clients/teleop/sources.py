@@ -73,27 +73,6 @@ class ModeWatch:
         return ""
 
 
-class InputSource(Protocol):
-    """Device of an operator.
-
-    names: labels of its controls. leaving: the operator quits.
-    """
-
-    @property
-    def names(self) -> Mapping[Control, str]:
-        """Return the labels of its controls."""
-
-    @property
-    def leaving(self) -> bool:
-        """Return whether the operator quits."""
-
-    def poll(self, now_s: float, *, ready: bool) -> Inputs:
-        """Return what is held now. ready: a deadman would count."""
-
-    def show(self, lines: Sequence[str], mood: str) -> None:
-        """Show text where this device has a place for it."""
-
-
 class KeyReader(Protocol):
     """A terminal, or nothing."""
 
@@ -115,15 +94,27 @@ class Window(Pads, Protocol):
         """Draw text."""
 
 
-class PadSource:
+class InputSource(Protocol):
+    """Device of an operator.
+
+    names: labels of its controls. leaving: the operator quits. window: shows the screen as well, None without one.
+    """
+
+    names: Mapping[Control, str] = PAD_NAMES
+    leaving: bool = False
+    window: Window | None = None
+
+    def poll(self, now_s: float, *, ready: bool) -> Inputs:
+        """Return what is held now. ready: a deadman would count."""
+
+
+class PadSource(InputSource):
     """The first usable pad. While it is away nothing counts, and whatever comes back starts from nothing.
 
     own: layouts from the user's files. wanted: part of a name or a USB id that the pad must have, "" for any.
     """
 
     def __init__(self, pads: Pads, own: Mapping[str, Layout], wanted: str = "") -> None:
-        self.names: Mapping[Control, str] = PAD_NAMES
-        self.leaving = False
         self._pads = pads
         self._own = own
         self._wanted = wanted.lower()
@@ -151,9 +142,6 @@ class PadSource:
                 self._away = replace(self._away, trouble=trouble)
             return self._away
         return self._read()
-
-    def show(self, lines: Sequence[str], mood: str) -> None:
-        """A pad shows nothing."""
 
     def _take(self, happening: gamepad.Happening, now_s: float) -> None:
         match happening:
@@ -211,7 +199,7 @@ class PadSource:
         return self._mode.notice if self._mode is not None else ""
 
 
-class PadOrKeySource:
+class PadOrKeySource(InputSource):
     """A pad while there is one, else the keyboard of this terminal, whose Space and Esc stop in either case.
 
     A pad that is lost is no release, so the keyboard takes over from it only when a key is pressed there.
@@ -219,6 +207,7 @@ class PadOrKeySource:
     """
 
     def __init__(self, pads: PadSource, keys: "KeySource", steering_per_s: float) -> None:
+        self.names = keys.names
         self._pads = pads
         self._keys = keys
         self._steering_per_s = steering_per_s
@@ -226,28 +215,17 @@ class PadOrKeySource:
         self._polled_s = float("-inf")
         self._on_keys = True
 
-    @property
-    def names(self) -> Mapping[Control, str]:
-        """Return the labels of the present device's controls."""
-        return (self._keys if self._on_keys else self._pads).names
-
-    @property
-    def leaving(self) -> bool:
-        """Return whether the operator quits."""
-        return self._keys.leaving
-
     def poll(self, now_s: float, *, ready: bool) -> Inputs:
         """Return what is held on the present device."""
         from_pad, from_keys = self._pads.poll(now_s, ready=ready), self._keys.poll(now_s, ready=ready)
         stop = (from_pad.pressed | from_keys.pressed) & {Control.ESTOP}
         self._on_keys = not self._pads.has_pad and (self._on_keys or not from_keys.released)
+        self.names = (self._keys if self._on_keys else self._pads).names
+        self.leaving = self._keys.leaving
         if not self._on_keys:
             trouble = from_pad.trouble.replace(PLUG_IN, LOST_PAD)
             return replace(from_pad, pressed=from_pad.pressed | stop, trouble=trouble)
         return replace(self._steered(from_keys, now_s), pressed=from_keys.pressed | stop)
-
-    def show(self, lines: Sequence[str], mood: str) -> None:
-        """The screen is in the terminal already."""
 
     def _steered(self, keys: Inputs, now_s: float) -> Inputs:
         """Return the keys with a stick that moves gradually, and centres at once."""
@@ -259,46 +237,32 @@ class PadOrKeySource:
         return replace(keys, steering=self._steering, trouble=keys.trouble or NO_PAD)
 
 
-class StopKeySource:
-    """Another source, with the Space and Esc of a terminal as an e-stop besides."""
+class StopKeySource(InputSource):
+    """Another source, with the Space and Esc of a terminal as an e-stop besides. leaving: also at the other's end."""
 
     def __init__(self, source: InputSource, keys: KeyReader) -> None:
+        self.names, self.window = source.names, source.window
         self._source = source
         self._keys = keys
-        self._left = False
         self._stop_s = float("-inf")
-
-    @property
-    def names(self) -> Mapping[Control, str]:
-        """Return the labels of the other source's controls."""
-        return self._source.names
-
-    @property
-    def leaving(self) -> bool:
-        """Return whether the operator quits, or the other source is at its end."""
-        return self._left or self._source.leaving
 
     def poll(self, now_s: float, *, ready: bool) -> Inputs:
         """Return what the other source holds, and the e-stop."""
         for event in self._keys.poll():
-            self._left |= isinstance(event, Quit)
+            self.leaving |= isinstance(event, Quit)
             if isinstance(event, Key) and event.name in BUTTON_KEYS[Control.ESTOP]:
                 self._stop_s = now_s
         inputs = self._source.poll(now_s, ready=ready)
+        self.leaving |= self._source.leaving
         stopped = now_s - self._stop_s < KEY_STOP_S
         return replace(inputs, pressed=inputs.pressed | {Control.ESTOP}) if stopped else inputs
 
-    def show(self, lines: Sequence[str], mood: str) -> None:
-        """Show text where the other source does."""
-        self._source.show(lines, mood)
 
-
-class KeySource:
+class KeySource(InputSource):
     """The keyboard of this terminal. releases: the terminal reports when a key goes up."""
 
     def __init__(self, keys: KeyReader, *, releases: bool) -> None:
-        self.names: Mapping[Control, str] = HELD_NAMES if releases else REPEATED_NAMES
-        self.leaving = False
+        self.names = HELD_NAMES if releases else REPEATED_NAMES
         self._keys = keys
         self._state: HeldKeys | RepeatedKeys = (
             HeldKeys("keyboard", answers=True)
@@ -313,17 +277,14 @@ class KeySource:
             self._state.feed(event, now_s)
         return self._state.inputs(now_s)
 
-    def show(self, lines: Sequence[str], mood: str) -> None:
-        """The screen is in the terminal already."""
 
-
-class WindowSource:
+class WindowSource(InputSource):
     """A window of its own: true releases, and everything released when it loses the focus."""
 
+    names = HELD_NAMES
+
     def __init__(self, sdl: Window) -> None:
-        self.names: Mapping[Control, str] = HELD_NAMES
-        self.leaving = False
-        self._sdl = sdl
+        self.window = self._sdl = sdl
         self._state = HeldKeys("keyboard in a window")
 
     def poll(self, now_s: float, *, ready: bool) -> Inputs:  # noqa: ARG002 - a keyboard does not wait for the car
@@ -334,17 +295,11 @@ class WindowSource:
                 self._state.feed(happening.event, now_s)
         return self._state.inputs(now_s)
 
-    def show(self, lines: Sequence[str], mood: str) -> None:
-        """Draw into the window."""
-        self._sdl.show(lines, mood)
 
-
-class ScriptSource:
+class ScriptSource(InputSource):
     """A script; its time begins at the first `poll` with a ready car, and it leaves at its end."""
 
     def __init__(self, script: Script) -> None:
-        self.names: Mapping[Control, str] = PAD_NAMES
-        self.leaving = False
         self._script = script
         self._start_s: float | None = None
 
@@ -355,6 +310,3 @@ class ScriptSource:
         elapsed_s = -1.0 if self._start_s is None else now_s - self._start_s
         self.leaving = elapsed_s >= self._script.duration_s
         return self._script.inputs(elapsed_s, now_s)
-
-    def show(self, lines: Sequence[str], mood: str) -> None:
-        """Show nothing: a script needs no display."""

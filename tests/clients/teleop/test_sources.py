@@ -192,7 +192,8 @@ def test_a_window_sees_releases_and_shows_the_screen():
     assert feed(source, sdl, KeyTyped(Key("shift")), KeyTyped(Key("w")), PadMoved(0, Axis(0, 1.0))).manual
     assert not feed(source, sdl, KeyTyped(Key("shift", Act.RELEASE))).manual
     assert not feed(source, sdl, KeyTyped(TerminalFocus(gained=False))).live
-    source.show(["ready"], "green")
+    assert source.window is not None
+    source.window.show(["ready"], "green")
     assert sdl.shown == [(["ready"], "green")]
     feed(source, sdl, KeyTyped(Quit()))
     assert source.leaving
