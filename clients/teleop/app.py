@@ -2,6 +2,7 @@
 
 import argparse
 import asyncio
+import math
 import secrets
 import sys
 import time
@@ -163,8 +164,7 @@ async def operate(options: argparse.Namespace) -> int:
     stop = asyncio.Event()
     with stopping(stop), ExitStack() as things:
         source = _open_source(options, things)
-        feel = _feel(options, keys=options.keyboard or options.window, script=bool(options.script))
-        pilot = Pilot(secrets.randbits(63) + 1, options.name, feel)
+        pilot = Pilot(secrets.randbits(63) + 1, options.name, _feel(options))
         async with connected(options, asks=True) as (bus, car):
             screen = Screen(sys.stdout, plain=options.plain or bool(options.script))
             things.callback(screen.close)
@@ -199,32 +199,29 @@ async def map_pad(print_line: Callable[[str], object]) -> int:
 async def _ask(sdl: gamepad.Sdl, stop: asyncio.Event, print_line: Callable[[str], object]) -> int:
     print_line("Plug in the pad and press one of its buttons. Ctrl-C leaves.\n")
     wizard: Wizard | None = None
-    found: gamepad.PadConnected | None = None
-    asked = ""
+    pad, asked = -1, ""
     async for now_s in deadlines(PERIOD_S, time.monotonic):
         if stop.is_set():
-            return INTERRUPTED
+            break
         for happening in sdl.poll():
-            if isinstance(happening, gamepad.PadConnected) and found is None:
-                found = happening
-                print_line(f"{found.name} ({usb_id(found.guid)})\n")
-                wizard = Wizard(found.guid, found.name, found.rest)
-            elif isinstance(happening, gamepad.Gone) and found is not None and happening.pad == found.pad:
-                raise TeleopProblemError("the pad was unplugged; start again")
-            elif (
-                isinstance(happening, gamepad.PadMoved) and found is not None and happening.pad == found.pad and wizard
-            ):
-                wizard.feed(happening.event, now_s)
-        if wizard is None or found is None:
+            match happening:
+                case gamepad.PadConnected(first, guid, name, rest) if wizard is None:
+                    print_line(f"{name} ({usb_id(guid)})\n")
+                    pad, wizard = first, Wizard(guid, name, rest)
+                case gamepad.Gone(gone) if gone == pad:
+                    raise TeleopProblemError("the pad was unplugged; start again")
+                case gamepad.PadMoved(moved, event) if wizard is not None and moved == pad:
+                    wizard.feed(event, now_s)
+                case _:
+                    pass
+        if wizard is None:
             continue
         if wizard.finished:
-            break
+            print_line(f"written: {pad_files.save(pad_files.folder(), wizard.guid, wizard.toml())}\n")
+            return 0
         if asked != (asked := f"{wizard.remark}{': ' if wizard.remark else ''}{wizard.question}\n"):
             print_line(asked)
-    assert wizard is not None  # noqa: S101 - the loop ended with both
-    assert found is not None  # noqa: S101 - as above
-    print_line(f"written: {pad_files.save(pad_files.folder(), found.guid, wizard.toml())}\n")
-    return 0
+    return INTERRUPTED
 
 
 def _open_source(options: argparse.Namespace, things: ExitStack) -> InputSource:
@@ -266,10 +263,9 @@ def _open_sdl(things: ExitStack, *, window: bool) -> gamepad.Sdl:
     return sdl
 
 
-def _feel(options: argparse.Namespace, *, keys: bool, script: bool) -> InputShape:
-    feel = InputShape(max_speed_mps=options.max_speed, max_steering_rad=options.max_steering, ramp_mps2=options.ramp)
-    if keys:
-        return InputShape(feel.max_speed_mps, feel.max_steering_rad, 0.0, 0.0, feel.ramp_mps2, KEY_STEERING_RATE_RADPS)
-    if script:
-        return InputShape(feel.max_speed_mps, feel.max_steering_rad, 0.0, 0.0, feel.ramp_mps2)
-    return InputShape(feel.max_speed_mps, feel.max_steering_rad, options.deadzone, options.expo, feel.ramp_mps2)
+def _feel(options: argparse.Namespace) -> InputShape:
+    """Return the response of the chosen device; keys and scripts have no stick with a dead zone and a curve."""
+    keys = options.keyboard or options.window
+    deadzone, expo = (0.0, 0.0) if keys or options.script else (options.deadzone, options.expo)
+    rate_radps = KEY_STEERING_RATE_RADPS if keys else math.inf
+    return InputShape(options.max_speed, options.max_steering, deadzone, expo, options.ramp, rate_radps)

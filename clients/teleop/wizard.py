@@ -19,11 +19,11 @@ QUESTIONS: Sequence[tuple[Control, str]] = (
 
 
 class Wizard:
-    """Asks one question after the other. remark: fault of the last answer, "" without one."""
+    """Asks one question after the other. guid: of the pad. remark: fault of the last answer, "" without one."""
 
     def __init__(self, guid: str, name: str, rest: Sequence[float]) -> None:
         """Begin; rest: the value of every axis at rest."""
-        self._guid = guid
+        self.guid = guid
         self._name = name
         self._state = PadState()
         for index, value in enumerate(rest):
@@ -57,7 +57,7 @@ class Wizard:
 
     def toml(self) -> str:
         """Return the file's text, once finished."""
-        return pad_files.to_toml(self._guid, self._name, self._bindings)
+        return pad_files.to_toml(self.guid, self._name, self._bindings)
 
     def _stick(self, event: Event) -> Binding | None:
         """Return the axis that was pushed; forward and left shall read positive."""
