@@ -5,7 +5,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
@@ -41,8 +41,8 @@ STANDING_STEPS: Final = 1
 IDLE_DUTY: Final = 0.005
 
 
-class BackupError(Exception):
-    """The file is of no use; the text is one line with the remedy."""
+class VescChangeError(Exception):
+    """Nothing was changed; the text is one line with the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +54,6 @@ class Backup:
     uuid: str
     configuration: bytes
 
-    @classmethod
-    def of(cls, firmware: Firmware, configuration: bytes) -> "Backup":
-        """Return the backup of a controller."""
-        return cls(firmware.version, firmware.hardware, firmware.uuid.hex(), configuration)
-
 
 def backup_folder(environment: Mapping[str, str] = os.environ) -> Path:
     """Return the folder of backups: in the user's folder of states."""
@@ -69,10 +64,7 @@ def save(backup: Backup, folder: Path) -> Path:
     """Write a backup to the disk, under a name of its own; OSError where it cannot be."""
     folder.mkdir(parents=True, exist_ok=True)
     stem = f"{backup.uuid[-8:] or 'vesc'}-{time.strftime('%Y%m%d-%H%M%S', time.gmtime())}"
-    text = {
-        "firmware": backup.firmware, "hardware": backup.hardware, "uuid": backup.uuid,
-        "configuration": backup.configuration.hex(),
-    }  # fmt: skip
+    text = {**asdict(backup), "configuration": backup.configuration.hex()}
     for number in range(1, 1000):
         path = folder / f"{stem}{'' if number == 1 else f'-{number}'}.json"
         try:
@@ -87,19 +79,14 @@ def save(backup: Backup, folder: Path) -> Path:
 
 
 def load(path: Path) -> Backup:
-    """Read a backup; BackupError for another file."""
+    """Read a backup; VescChangeError for another file."""
     try:
         text = json.loads(path.read_text(encoding="utf-8"))
-        found = Backup(text["firmware"], text["hardware"], text["uuid"], bytes.fromhex(text["configuration"]))
+        return Backup(text["firmware"], text["hardware"], text["uuid"], bytes.fromhex(text["configuration"]))
     except OSError as error:
-        raise BackupError(f"{path}: {error.strerror}") from None
+        raise VescChangeError(f"{path}: {error.strerror}") from None
     except (ValueError, KeyError, TypeError):
-        raise BackupError(f"{path}: is no copy of `wallride vesc set`; they are in {backup_folder()}") from None
-    return found
-
-
-class VescChangeError(Exception):
-    """Nothing was changed; the text is one line with the remedy."""
+        raise VescChangeError(f"{path}: is no copy of `wallride vesc set`; they are in {backup_folder()}") from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,10 +145,7 @@ async def set_values(access: VescAccess, wish: SettingsWish) -> int:
 
 async def restore(access: VescAccess, file: Path) -> int:
     """Write a backup into the controller that it is of; as set_values."""
-    try:
-        kept = load(file)
-    except BackupError as error:
-        raise VescChangeError(str(error)) from None
+    kept = load(file)
 
     def wanted(found: VescContents) -> bytes:
         if kept.uuid != found.uuid:
@@ -225,7 +209,7 @@ async def _contents(link: VescSettingsLink, address: Address) -> VescContents:
 
 def describe(found: VescContents, new: bytes) -> list[str]:
     """Return a line for each value that will change, and one for other bytes."""
-    after, named = decode_app_config(new), found.configuration
+    after = decode_app_config(new)
     if after is None:  # not reached: the layout is that of what was found
         raise VescChangeError("the new configuration cannot be read")
     lines = [f"VESC {found.firmware.hardware}, firmware {found.firmware.version}:"]
@@ -237,8 +221,9 @@ def describe(found: VescContents, new: bytes) -> list[str]:
     ):
         lines.append(f"  {name:22} {before}{f'  ->  {then}' if then != before else ', stays'}")
     named = change_app_config(
-        named, timeout_s=after.timeout_s, timeout_brake_a=after.timeout_brake_a, servo_output=after.servo_output
-    )
+        found.configuration, timeout_s=after.timeout_s, timeout_brake_a=after.timeout_brake_a,
+        servo_output=after.servo_output,
+    )  # fmt: skip
     if others := len(unlike_places(new, named)):
         lines.append(f"  and {others} other bytes, as in the file")
     if not after.timeout_brake_a:
@@ -262,7 +247,8 @@ async def _check_idle(link: VescSettingsLink, found: VescContents) -> None:
 
 def _keep(access: VescAccess, found: VescContents) -> Path:
     try:
-        kept = save(Backup.of(found.firmware, found.configuration), access.folder)
+        firmware = found.firmware
+        kept = save(Backup(firmware.version, firmware.hardware, found.uuid, found.configuration), access.folder)
     except OSError as error:
         raise VescChangeError(
             f"{error.filename or access.folder}: {error.strerror}: without a copy of what is there nothing is changed"
@@ -337,7 +323,7 @@ def _judge(access: VescAccess, found: VescContents, new: bytes, outcome: VescOut
 
 def recommended() -> SettingsWish:
     """Return what protects a car."""
-    return replace(SettingsWish(RECOMMENDED_TIMEOUT_S, RECOMMENDED_BRAKE_A, servo_output=True), recommended=True)
+    return SettingsWish(RECOMMENDED_TIMEOUT_S, RECOMMENDED_BRAKE_A, servo_output=True, recommended=True)
 
 
 async def why_not_idle(link: VescSettingsLink, timeout_s: float) -> str:
