@@ -160,9 +160,6 @@ def _add_build_kernel(commands: Commands) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from wallride.doctor.places import colliding_places
-    from wallride.doctor.ports import unusable_paths
-    from wallride.doctor.slow_speeds import too_slow_to_turn
     from wallride.drivers.api import DriverError
     from wallride.runtime.security.access_list import KeysError
     from wallride.runtime.settings.tree import SettingsError
@@ -170,12 +167,10 @@ def _run(options: argparse.Namespace) -> int:
     try:
         file = options.config or default_config()
         settings, about_lidar = _with_its_lidar(_load(file, options.assignments, options.saved), file, options)
-        problems = unusable_paths(settings) + colliding_places(settings, (file, options.saved, options.address_file))
-        problems += _mistakes_of_own_code(settings)
+        problems = _problems(settings, (file, options.saved, options.address_file))
         session, warnings = _session(settings)
         routers, about_routers = _routers(settings)
-        warnings += (*about_lidar, *about_routers, *_saved_limits(options.saved or file), *too_slow_to_turn(settings))
-        warnings += _without_a_line(settings)
+        warnings += (*about_lidar, *about_routers, *_warnings(settings, options.saved or file))
     except (SettingsError, KeysError) as error:
         return fail(str(error))
     except DriverError as error:
@@ -234,25 +229,20 @@ def _joystick(settings: "Settings") -> "tuple[CarJoystick | None, tuple[str, ...
 
 
 def _check(options: argparse.Namespace) -> int:
-    from wallride.doctor.places import colliding_places
-    from wallride.doctor.ports import unusable_paths
     from wallride.doctor.program import laws_open_to_others
-    from wallride.doctor.slow_speeds import too_slow_to_turn
     from wallride.runtime.security.access_list import KeysError
     from wallride.runtime.settings.tree import SettingsError, to_toml
 
+    file = options.config or default_config()
     try:
-        settings = _load(options.config or default_config(), options.assignments)
+        settings = _load(file, options.assignments)
         print(to_toml(settings), end="")
         _, warnings = _session(settings)
-        warnings += _routers(settings)[1]
-        warnings += (*_saved_limits(options.config or default_config()), *too_slow_to_turn(settings))
-        warnings += _without_a_line(settings)
+        warnings += (*_routers(settings)[1], *_warnings(settings, file))
         warnings += tuple("; ".join(said) for said in laws_open_to_others())
     except (SettingsError, KeysError) as error:
         return fail(str(error))
-    problems = unusable_paths(settings) + colliding_places(settings, [options.config or default_config()])
-    problems += _mistakes_of_own_code(settings) + _mistakes_of_course(settings)
+    problems = _problems(settings, [file]) + _mistakes_of_course(settings)
     if options.devices and not problems:
         problems = _device_problems(settings)
     for text in (*warnings, *problems):
@@ -313,12 +303,26 @@ def _routers(settings: "Settings") -> tuple[list[dict[str, Any]], tuple[str, ...
     )
 
 
-def _without_a_line(settings: "Settings") -> tuple[str, ...]:
-    """Return a warning for a car that is to follow a line and has none."""
+def _problems(settings: "Settings", files: Sequence[Path | None]) -> list[str]:
+    """Return what keeps the car from starting: its places, and the user's own laws and drivers. files: of settings."""
+    from wallride.doctor.places import colliding_places
+    from wallride.doctor.ports import unusable_paths
+    from wallride.runtime.control.laws import own_law_mistakes
+    from wallride.runtime.lidars import own_driver_mistakes
+
+    laws = own_law_mistakes(settings.wall_follow, settings.safety, settings.car)
+    drivers = own_driver_mistakes(settings.lidar, settings.motor)
+    return unusable_paths(settings) + colliding_places(settings, files) + laws + drivers
+
+
+def _warnings(settings: "Settings", file: Path | None) -> tuple[str, ...]:
+    """Return what is to be said of settings with which the car drives. file: where limits were saved."""
+    from wallride.doctor.slow_speeds import too_slow_to_turn
     from wallride.runtime.line_files import why_no_line
 
     words = why_no_line(settings.wall_follow, settings.map)
-    return (f"{words}: the car follows the wall",) if words else ()
+    without_a_line = [f"{words}: the car follows the wall"] if words else []
+    return (*_saved_limits(file), *too_slow_to_turn(settings), *without_a_line)
 
 
 def _mistakes_of_course(settings: "Settings") -> list[str]:
@@ -343,15 +347,6 @@ def _saved_limits(file: Path | None) -> tuple[str, ...]:
         f"{file}: {name} = {shown(value)} was saved while the car ran: look at it, and delete the comment '{MARK}'"
         for name, value in limits.items()
     )
-
-
-def _mistakes_of_own_code(settings: "Settings") -> list[str]:
-    """Return what is wrong with the user's own laws and drivers."""
-    from wallride.runtime.control.laws import own_law_mistakes
-    from wallride.runtime.lidars import own_driver_mistakes
-
-    laws = own_law_mistakes(settings.wall_follow, settings.safety, settings.car)
-    return laws + own_driver_mistakes(settings.lidar, settings.motor)
 
 
 def _device_problems(settings: "Settings") -> list[str]:
