@@ -7,8 +7,8 @@ import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
+from wallride.clients import CONNECT_VARIABLE
 from wallride.clients.endpoints import (
-    CONNECT_VARIABLE,
     ConnectionProblemError,
     endpoint_configs,
     endpoint_of,
@@ -26,8 +26,8 @@ from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.teleop import Malformed, read_beat, session_text
 
 __all__ = [
-    "CONNECT_VARIABLE", "Cars", "ConnectionProblemError", "another_car", "check_session", "connected",
-    "endpoint_configs", "endpoint_of", "find_car", "given_by", "keys_of", "open_bus", "option_of", "with_one_endpoint",
+    "Cars", "ConnectionProblemError", "another_car", "check_session", "connected", "endpoint_configs", "endpoint_of",
+    "find_car", "given_by", "keys_of", "open_bus", "option_of", "with_one_endpoint",
 ]  # fmt: skip
 """What clients need; `wallride.clients.endpoints` is apart because the search of several endpoints needs it."""
 FIND_TIMEOUT_S = 3.0

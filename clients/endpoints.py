@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from wallride.clients import CONNECT_VARIABLE, DEFAULT_KEYS, HIGHEST_PORT
 from wallride.runtime.security.access_list import KeysError
 from wallride.runtime.security.key_files import KeyFiles, client_keys
 from wallride.runtime.wire import zenoh_config
@@ -16,9 +17,6 @@ log = logging.getLogger("wallride.client")
 
 PORTS = {"tcp": 7447, "tls": 7448}
 """Ports by protocol; tls has one of its own: `[::]` includes loopback, where tcp listens already."""
-CONNECT_VARIABLE = "WALLRIDE_CONNECT"
-KEYS = Path("~/.config/wallride/keys")
-HIGHEST_PORT = 65535
 ENDPOINT = re.compile(r"(tcp|tls)/(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})")
 
 
@@ -93,7 +91,7 @@ def keys_of(endpoint: str, folder: Path | None) -> KeyFiles | None:
     if not endpoint.startswith("tls/"):
         return None
     try:
-        keys = client_keys((folder or KEYS).expanduser(), datetime.now(UTC))
+        keys = client_keys((folder or Path(DEFAULT_KEYS)).expanduser(), datetime.now(UTC))
     except KeysError as error:
         raise ConnectionProblemError(f"{endpoint} needs keys: {error}") from None
     for warning in keys.warnings:

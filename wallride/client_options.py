@@ -8,13 +8,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from wallride.clients import CONNECT_VARIABLE, DEFAULT_CONNECT, DEFAULT_KEYS, HIGHEST_PORT
 from wallride.failure import fail
 from wallride.runtime.host.ownership import user_name
-
-DEFAULT_CONNECT = "tcp/127.0.0.1:7447"
-CONNECT_VARIABLE = "WALLRIDE_CONNECT"
-DEFAULT_KEYS = "~/.config/wallride/keys"
-HIGHEST_PORT = 65535
 
 
 def add_common(parser: argparse.ArgumentParser) -> None:

@@ -7,7 +7,7 @@ import tomllib
 from contextlib import suppress
 from pathlib import Path
 
-from wallride import client_options
+from wallride.clients import DEFAULT_CONNECT
 from wallride.failure import fail, needs
 from wallride.parser import Commands, add_json, add_set, number
 from wallride.runtime.host.terminal_text import say
@@ -47,8 +47,8 @@ def add(commands: Commands) -> None:
     replay.add_argument("--loop", action="store_true", help="repeat")
     replay.add_argument("--car", metavar="NAME", help="name of the published car (default: the recorded one)")
     replay.add_argument(
-        "--listen", metavar="ENDPOINT", default=client_options.DEFAULT_CONNECT,
-        help=f"endpoint for monitors (default: {client_options.DEFAULT_CONNECT})",
+        "--listen", metavar="ENDPOINT", default=DEFAULT_CONNECT,
+        help=f"endpoint for monitors (default: {DEFAULT_CONNECT})",
     )  # fmt: skip
     replay.set_defaults(run=run)
 

@@ -11,15 +11,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, Self
 
+from wallride.clients import CONNECT_VARIABLE, DEFAULT_CONNECT
 from wallride.clients.answers import asked
-from wallride.clients.connection import (
-    CONNECT_VARIABLE,
-    ConnectionProblemError,
-    check_session,
-    find_car,
-    open_bus,
-    with_one_endpoint,
-)
+from wallride.clients.connection import ConnectionProblemError, check_session, find_car, open_bus, with_one_endpoint
 from wallride.clients.parameters import MAX_NAME_LENGTH, ask
 from wallride.clients.played import NOTHING_DRIVES
 from wallride.clients.remote.driver import RemoteDriver, checked_hand
@@ -34,7 +28,6 @@ from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 
 Ask = Callable[..., Mapping[str, Any]]
-DEFAULT_AT: Final = "tcp/127.0.0.1:7447"
 BUFFER: Final = 1000
 SILENT_S: Final = 5.0
 SELDOM_S: Final = 15.0
@@ -259,9 +252,10 @@ def connect(
     for tls. session: of this very start of the car. name: shown by the car while you drive.
     """
     options = argparse.Namespace(
-        car=car, connect=at or os.environ.get(CONNECT_VARIABLE) or DEFAULT_AT,
+        car=car, connect=at or os.environ.get(CONNECT_VARIABLE) or DEFAULT_CONNECT,
         keys=Path(keys) if keys is not None else None, session=session, connect_option="at=",
     )  # fmt: skip
     if not isinstance(options.connect, str) or not isinstance(car, str | None):
-        raise ConnectionProblemError(f'car={car!r}, at={at!r}: both are text, e.g. connect("car1", at="{DEFAULT_AT}")')
+        example = f'connect("car1", at="{DEFAULT_CONNECT}")'
+        raise ConnectionProblemError(f"car={car!r}, at={at!r}: both are text, e.g. {example}")
     return RemoteCar(options, name)
