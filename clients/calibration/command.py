@@ -10,15 +10,12 @@ from typing import Protocol
 
 from pydantic import ValidationError
 
-from wallride.clients.calibration import settings_file
+from wallride.clients.calibration import OUTLINE, SPEED, STEPS, settings_file
 from wallride.clients.calibration.current_values import check_writable, current_values
 from wallride.clients.calibration.deadman import AlwaysHeld, TerminalDeadman
 from wallride.clients.calibration.link import GONE, HeldDeadman, LetGoError, RemoteLink
 from wallride.clients.calibration.steps import (
-    OUTLINE,
     OUTLINE_WORDS,
-    SPEED,
-    STEPS,
     CalibrationProgress,
     DrivenStep,
     drive_tape,

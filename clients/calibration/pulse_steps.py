@@ -4,13 +4,10 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import cast
 
-from wallride.clients.calibration import pulse_ways, ways
+from wallride.clients.calibration import BRAKE, SPEED, STEERING, pulse_ways, ways
 from wallride.clients.calibration.pulse_ways import PulsedCar
 from wallride.clients.calibration.steps import (
-    BRAKE,
     BY_ARCS,
-    SPEED,
-    STEERING,
     CalibrationProgress,
     DrivenStep,
     arcs,

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from wallride.clients.calibration import ways
+from wallride.clients.calibration import BRAKE, DELAY, LIDAR, PARTS, SPEED, STEERING, ways
 from wallride.clients.calibration.ways import CalibratedCar, CalibrationError
 from wallride.runtime.calibration import proposals
 from wallride.runtime.calibration.arc_fit import AssumedCar
@@ -20,9 +20,6 @@ from wallride.runtime.calibration.proposals import Proposal
 from wallride.runtime.calibration.responses import Estimate
 from wallride.runtime.calibration.trace import Trace
 
-SPEED, STEERING, LIDAR, PARTS, DELAY, BRAKE, OUTLINE = STEPS = (
-    "speed", "steering", "lidar", "own-parts", "delay", "brake", "outline",
-)  # fmt: skip
 BY_ARCS = frozenset({SPEED, STEERING, LIDAR, PARTS})
 OF_STEP: Mapping[str, frozenset[str]] = {
     SPEED: frozenset({proposals.SPEED_GAIN}),

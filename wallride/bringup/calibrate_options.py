@@ -4,10 +4,10 @@ import argparse
 from pathlib import Path
 
 from wallride import client_options
+from wallride.clients.calibration import STEPS
 from wallride.failure import fail
 from wallride.parser import DEFAULT_CONFIG, Commands, add_config, default_config, number
 
-STEPS = ("speed", "steering", "lidar", "own-parts", "delay", "brake", "outline")
 SUFFIX = ".toml"
 
 

@@ -3,11 +3,11 @@
 import argparse
 import sys
 
+from wallride.doctor import GROUPS
 from wallride.failure import fail
 from wallride.parser import Commands, add_config, add_set, default_config
 from wallride.runtime.host.terminal_text import asked, say, yes_or_no
 
-GROUPS = ("program", "computer", "ports", "lidar", "motor", "access", "joystick")
 CONFIRMED = "wheels up"
 
 

@@ -2,10 +2,10 @@
 
 from collections.abc import Awaitable, Callable
 from datetime import UTC, datetime
-from typing import Final
 
 from wallride.doctor.computer import Computer
 from wallride.doctor.findings import Finding, fail, ok, warn
+from wallride.monitor_options import DEFAULT_PORT
 from wallride.runtime.security.access_list import KeysError
 from wallride.runtime.security.key_files import car_keys
 from wallride.runtime.settings.tree import Settings
@@ -13,7 +13,6 @@ from wallride.runtime.wire.endpoints import is_tls, split_endpoint
 from wallride.runtime.wire.port_holder import holder_of
 
 Holder = Callable[[str], Awaitable[str]]
-PAGE_PORT: Final = 8447
 
 
 async def check_access(computer: Computer, settings: Settings, holder: Holder = holder_of) -> list[Finding]:
@@ -52,9 +51,9 @@ def _keys(computer: Computer, settings: Settings) -> list[Finding]:
 
 
 def _page(computer: Computer) -> Finding:
-    if computer.port_is_free("127.0.0.1", PAGE_PORT):
-        return ok("page port", f"{PAGE_PORT} is free")
+    if computer.port_is_free("127.0.0.1", DEFAULT_PORT):
+        return ok("page port", f"{DEFAULT_PORT} is free")
     return warn(
-        "page port", f"{PAGE_PORT} is taken, by `wallride monitor` or another program",
+        "page port", f"{DEFAULT_PORT} is taken, by `wallride monitor` or another program",
         "end it, or open the page elsewhere: wallride monitor --port 0",
     )  # fmt: skip

@@ -9,6 +9,7 @@ from typing import Final
 
 from pydantic import ValidationError
 
+from wallride.doctor import GROUPS
 from wallride.doctor.access import Holder, check_access
 from wallride.doctor.computer import Computer
 from wallride.doctor.condition import check_condition
@@ -37,7 +38,6 @@ STOP_FIRST: Final = "sudo systemctl stop wallride, then look again; sudo systemc
 DEVICES: Final = frozenset({"ports", "lidar", "motor"})
 PARTS: Final = frozenset({"lidar", "motor"})
 """Devices with a section of the settings."""
-GROUPS: Final = ("program", "computer", "ports", "lidar", "motor", "access", "joystick")
 
 
 def find_settings(

@@ -11,11 +11,11 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, Final
 
+from wallride.clients.calibration import DELAY, STEPS
 from wallride.clients.calibration.command import begin, check_yes, drive_steps, finish
 from wallride.clients.calibration.current_values import PULSE_NAMES, check_writable
 from wallride.clients.calibration.link import HeldDeadman
 from wallride.clients.calibration.pulse_steps import NO_DELAY, pulse_steps
-from wallride.clients.calibration.steps import DELAY, STEPS
 from wallride.clients.calibration.ways import CalibrationError
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.remote.loop_thread import LoopThread

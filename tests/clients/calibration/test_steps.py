@@ -5,10 +5,10 @@ import pytest
 
 from tests.runtime.calibration import calibrated_car
 from tests.runtime.calibration.planted import ERRORS, LAB, YAW_RAD, planted_car
-from wallride.clients.calibration import settings_file, ways
+from wallride.clients.calibration import STEPS, settings_file, ways
 from wallride.clients.calibration.command import table
 from wallride.clients.calibration.current_values import NAMES
-from wallride.clients.calibration.steps import STEPS, CalibrationProgress, drive_tape, driven_steps
+from wallride.clients.calibration.steps import CalibrationProgress, drive_tape, driven_steps
 from wallride.clients.calibration.ways import CalibrationError
 from wallride.runtime.calibration import proposals
 from wallride.runtime.parameters.catalogue import values

@@ -9,7 +9,6 @@ import pytest
 
 from wallride.bringup import doctor_options
 from wallride.cli import main
-from wallride.doctor import examine
 from wallride.doctor.findings import EXIT_CODES, Level, as_json, exit_code, fail, line, ok, summary, warn, worst
 from wallride.sim.live.runtime_process import WallrideProcess
 
@@ -133,10 +132,6 @@ def test_a_device_with_wrong_settings_is_not_looked_at_by_the_defaults(settings,
     told = {one["subject"] for one in found if "its settings are wrong" in one["words"]}
     failed = {one["subject"] for one in found if one["level"] == "fail"}
     assert (told, failed) == (unknown, looked_at | {"settings"})
-
-
-def test_the_groups_of_the_command_are_those_of_the_checks():
-    assert doctor_options.GROUPS == examine.GROUPS
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from tests.runtime.calibration.planted import LAB, MOUNT, ROUGH
+from wallride.clients.calibration import STEPS
 from wallride.clients.calibration.current_values import PULSE_NAMES
 from wallride.clients.calibration.deadman import AlwaysHeld
 from wallride.clients.calibration.pulse_steps import pulse_steps
-from wallride.clients.calibration.steps import STEPS, CalibrationProgress
+from wallride.clients.calibration.steps import CalibrationProgress
 from wallride.clients.calibration.ways import CalibrationError
 from wallride.drivers.api import Scan
 from wallride.drivers.pca9685.settings import Pca9685Settings
