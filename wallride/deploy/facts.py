@@ -70,7 +70,7 @@ def read_facts(text: str) -> CarFacts:
         one["end"]  # the last line
         return CarFacts(
             machine=one["machine"],
-            glibc=_glibc(one["libc"]),
+            glibc=read_glibc(one["libc"]),
             pythons=[_python(value) for key, value in lines if key == "python"],
             root=_root(one["root"]),
             in_use=one.get("in_use", ""),
@@ -94,7 +94,8 @@ def _two(value: str) -> tuple[str, str]:
     return first, rest
 
 
-def _glibc(words: str) -> tuple[int, int] | None:
+def read_glibc(words: str) -> tuple[int, int] | None:
+    """Return the version in the words of `getconf GNU_LIBC_VERSION`; None for another C library."""
     library, _, version = words.partition(" ")
     if library != "glibc":
         return None

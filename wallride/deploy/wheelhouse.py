@@ -15,7 +15,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from wallride.deploy.closure import CarPlatform, best_wheel, pinned, reach, read_pins, requirements_of
-from wallride.deploy.facts import DeployError
+from wallride.deploy.facts import DeployError, read_glibc
 
 OURS: Final = "wallride"
 ROOTS: Final = (Requirement("wallride[car]"), Requirement("pip"))
@@ -57,11 +57,10 @@ def build_wheel(source: Path, folder: Path, car: CarPlatform) -> Path:
 
 def this_platform() -> CarPlatform | None:
     """Return the platform for which this computer compiles; None where that is none that a car has."""
-    library, _, version = (os.confstr("CS_GNU_LIBC_VERSION") or "").partition(" ")
-    if library != "glibc" or sysconfig.get_config_var("Py_GIL_DISABLED"):
+    glibc = read_glibc(os.confstr("CS_GNU_LIBC_VERSION") or "")
+    if glibc is None or sysconfig.get_config_var("Py_GIL_DISABLED"):
         return None
-    major, minor = version.split(".")[:2]
-    return CarPlatform(platform.machine(), (int(major), int(minor)), sys.version_info[:3])
+    return CarPlatform(platform.machine(), glibc, sys.version_info[:3])
 
 
 def gather(ours: Path, constraints: Path, car: CarPlatform, cache: Path) -> Wheelhouse:
