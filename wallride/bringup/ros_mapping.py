@@ -53,6 +53,10 @@ class Imported:
         if remark:
             self.remarks.append(f"{key} = {value}: {remark}")
 
+    def leave(self, one: RosParameter, why: str) -> None:
+        """Note why a parameter is not taken."""
+        self.left.append((str(one), why))
+
 
 def parameters(tree: Mapping[str, object]) -> Iterator[RosParameter]:
     """Yield the leaves: ROS 2 has them below `ros__parameters` of a node, ROS 1 at the top or below a node."""
@@ -90,7 +94,7 @@ def convert(found: list[RosParameter]) -> Imported:
         if rule is not None:
             rule(one, imported, gain or STOCK_GAIN)
         else:
-            imported.left.append((str(one), _reason(one)))
+            imported.leave(one, _reason(one))
     _lidar(found, imported)
     return imported
 
@@ -98,13 +102,13 @@ def convert(found: list[RosParameter]) -> Imported:
 Rule = Callable[[RosParameter, Imported, float], None]
 
 
-def _plain(key: str) -> Rule:
+def _plain(key: str, remark: Callable[[float], str] = lambda _: "") -> Rule:
     def take(one: RosParameter, imported: Imported, _gain: float) -> None:
         number = _number(one.value)
         if number is None:
-            imported.left.append((str(one), f"{one.value!r} is not a number"))
+            imported.leave(one, f"{one.value!r} is not a number")
         else:
-            imported.take(key, number)
+            imported.take(key, number, remark(number))
 
     return take
 
@@ -112,7 +116,7 @@ def _plain(key: str) -> Rule:
 def _erpm_gain(one: RosParameter, imported: Imported, _gain: float) -> None:
     number = _number(one.value)
     if not number:
-        imported.left.append((str(one), f"{one.value!r} is not a gain"))
+        imported.leave(one, f"{one.value!r} is not a gain")
         return
     remark = ""
     if number < 0:
@@ -123,33 +127,25 @@ def _erpm_gain(one: RosParameter, imported: Imported, _gain: float) -> None:
     imported.take("motor.speed_to_erpm_gain", abs(number), remark)
 
 
-def _wheelbase(one: RosParameter, imported: Imported, _gain: float) -> None:
-    number = _number(one.value)
-    if number is None:
-        imported.left.append((str(one), f"{one.value!r} is not a number"))
-        return
-    short = number < SHORT_WHEELBASE_M
-    remark = (
-        f"measure it: a car on a Slash chassis has {SLASH_WHEELBASE_M} m, and the stock file is wrong" if short else ""
-    )
-    imported.take("car.wheelbase_m", number, remark)
+def _about_wheelbase(wheelbase_m: float) -> str:
+    if wheelbase_m >= SHORT_WHEELBASE_M:
+        return ""
+    return f"measure it: a car on a Slash chassis has {SLASH_WHEELBASE_M} m, and the stock file is wrong"
 
 
 def _erpm_limit(one: RosParameter, imported: Imported, gain: float) -> None:
     number = _number(one.value)
     if one.node not in SHARED or number is None:
-        imported.left.append((str(one), "a limit of another node; car.max_speed_mps limits every source"))
+        imported.leave(one, "a limit of another node; car.max_speed_mps limits every source")
         return
     forward = (number > 0) == (gain > 0)
     speed_mps = round(abs(number / gain), 3)
     if speed_mps == 0:
-        imported.left.append((str(one), "0 is no limit to take"))
+        imported.leave(one, "0 is no limit to take")
     elif forward:
         imported.take("car.max_speed_mps", speed_mps)
     elif speed_mps > MAX_REVERSE_MPS:
-        imported.left.append(
-            (str(one), f"{speed_mps:.2f} m/s backward: set car.max_reverse_mps yourself if you want it")
-        )
+        imported.leave(one, f"{speed_mps:.2f} m/s backward: set car.max_reverse_mps yourself if you want it")
     else:
         imported.take("car.max_reverse_mps", speed_mps)
 
@@ -160,14 +156,14 @@ def _ticks(one: RosParameter, imported: Imported, gain: float) -> None:
     words = "distance follows from speed_to_erpm_gain"
     if abs(by_ticks - abs(gain)) > 0.01 * abs(gain):
         words += f", which would be {by_ticks:.0f} by this value: calibrate with a tape"
-    imported.left.append((str(one), words))
+    imported.leave(one, words)
 
 
 def _side(one: RosParameter, imported: Imported, _gain: float) -> None:
     sides: dict[object, str] = {1: "left", -1: "right", "left": "left", "right": "right"}
     side = sides.get(one.value) if isinstance(one.value, float | str) or type(one.value) is int else None
     if side is None:
-        imported.left.append((str(one), f"{one.value!r} is neither 1 (left) nor -1 (right)"))
+        imported.leave(one, f"{one.value!r} is neither 1 (left) nor -1 (right)")
     else:
         imported.take("wall_follow.side", side)
 
@@ -175,10 +171,10 @@ def _side(one: RosParameter, imported: Imported, _gain: float) -> None:
 def _scale(one: RosParameter, imported: Imported, _gain: float) -> None:
     number = _number(one.value)
     if not number:
-        imported.left.append((str(one), "scale 0 is the pause between two modes"))
+        imported.leave(one, "scale 0 is the pause between two modes")
         return
     option = "--max-steering" if "steering" in one.name else "--max-speed"
-    imported.left.append((str(one), f"an option of driving: wallride teleop {option} {abs(number):g}"))
+    imported.leave(one, f"an option of driving: wallride teleop {option} {abs(number):g}")
 
 
 RULES: Final[Mapping[str, Rule]] = {
@@ -188,7 +184,7 @@ RULES: Final[Mapping[str, Rule]] = {
     "steering_angle_to_servo_offset": _plain("motor.steering_to_servo_offset"),
     "servo_min": _plain("motor.servo_min"),
     "servo_max": _plain("motor.servo_max"),
-    "wheelbase": _wheelbase,
+    "wheelbase": _plain("car.wheelbase_m", _about_wheelbase),
     "speed_min": _erpm_limit,
     "speed_max": _erpm_limit,
     "max_acceleration": _plain("car.max_acceleration_mps2"),
