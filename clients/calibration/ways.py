@@ -63,15 +63,15 @@ def stand(car: CalibratedCar, steering_rad: float = 0.0, scans: int = STAND_SCAN
         car.wait()
 
 
-def drive_way(car: CalibratedCar, way_m: float, speed_mps: float, steering: Callable[[float], float]) -> None:
-    """Drive a way, backward where it is negative. steering: wheel angle by the time since the beginning."""
-    drive_varied(car, way_m, _always(speed_mps), steering)
+def drive_way(car: CalibratedCar, way_m: float, speed_mps: float, steering_rad: float = 0.0) -> None:
+    """Drive a way, backward where it is negative."""
+    drive_varied(car, way_m, lambda _since_s: speed_mps, lambda _since_s: steering_rad)
 
 
 def drive_varied(
     car: CalibratedCar, way_m: float, speed: Callable[[float], float], steering: Callable[[float], float]
 ) -> None:
-    """Drive a way at a speed by the time since the beginning."""
+    """Drive a way at a speed, and with a wheel angle, by the time since the beginning."""
     if way_m > 0:
         check_room(car, way_m)
     begin_s, begin_m = car.now_s, distance_m(car)
@@ -95,9 +95,9 @@ def drive_varied(
 def drive_first(car: CalibratedCar) -> None:
     """Drive a short way forward, from which the direction of the motor shows, and back."""
     stand(car, 0.0, FIRST_STAND_SCANS)
-    drive_way(car, FIRST_M, WALK_MPS, _always(0.0))
+    drive_way(car, FIRST_M, WALK_MPS)
     stand(car, 0.0, FIRST_STAND_SCANS)
-    drive_way(car, -FIRST_M, WALK_MPS, _always(0.0))
+    drive_way(car, -FIRST_M, WALK_MPS)
     _finish(car)
 
 
@@ -116,16 +116,16 @@ def drive_arcs(car: CalibratedCar) -> None:
 def drive_there_and_back(car: CalibratedCar, way_m: float, steering_rad: float, start_m: float) -> None:
     """Drive a bend forward and back to where the car started: one that rolls out gets no farther from there."""
     stand(car, steering_rad)
-    drive_way(car, way_m, WALK_MPS, _always(steering_rad))
+    drive_way(car, way_m, WALK_MPS, steering_rad)
     stand(car, steering_rad)
-    drive_way(car, start_m - distance_m(car), WALK_MPS, _always(steering_rad))
+    drive_way(car, start_m - distance_m(car), WALK_MPS, steering_rad)
 
 
 def drive_straight(car: CalibratedCar) -> float:
     """Drive forward, stay there, and return the way by the motor's report."""
     stand(car, 0.0, 6)
     begin_m = distance_m(car)
-    drive_way(car, LONG_M, WALK_MPS, _always(0.0))
+    drive_way(car, LONG_M, WALK_MPS)
     _finish(car)
     return distance_m(car) - begin_m
 
@@ -150,9 +150,9 @@ def drive_stops(car: CalibratedCar) -> None:
     begin_m = distance_m(car)
     for _ in range(RUNS):
         stand(car, 0.0, 6)
-        drive_way(car, RUN_M, RUN_MPS, _always(0.0))
+        drive_way(car, RUN_M, RUN_MPS)
         stand(car, 0.0, 16)
-        drive_way(car, begin_m - distance_m(car), WALK_MPS, _always(0.0))
+        drive_way(car, begin_m - distance_m(car), WALK_MPS)
     _finish(car)
 
 
@@ -186,7 +186,3 @@ def distance_m(car: CalibratedCar) -> float:
 def _weave_rad(since_s: float) -> float:
     """Return left and right in turns; half a turn at first, so that the way stays in a line."""
     return WEAVE_RAD if int(since_s / WEAVE_EVERY_S + 0.5) % 2 else -WEAVE_RAD
-
-
-def _always(value: float) -> Callable[[float], float]:
-    return lambda _since_s: value
