@@ -20,6 +20,7 @@ from wallride.clients.calibration.steps import (
     DrivenStep,
     drive_tape,
     driven_steps,
+    new_values,
 )
 from wallride.clients.calibration.ways import CalibratedCar, CalibrationError
 from wallride.clients.connection import ConnectionProblemError
@@ -112,10 +113,10 @@ def finish(
 ) -> int:  # fmt: skip
     """Ask for what the car cannot see, show everything, and write what is accepted."""
     if OUTLINE in wanted and not yes:
-        known = {**now, **_values(measured)}
+        known = {**now, **new_values(measured)}
         for _ in range(TRIES):
             outline = _outline(known)
-            if not (why := refusal({**known, **_values(outline)})):
+            if not (why := refusal({**known, **new_values(outline)})):
                 break
             say(f"  {why}")
         measured += outline
@@ -196,15 +197,11 @@ def _outline(now: Mapping[str, float]) -> list[Proposal]:
     say("\noutline\n  Measure with a tape; Enter keeps the value.")
     found: list[Proposal] = []
     for name, words in OUTLINE_WORDS.items():
-        said = {**now, **_values(found)}
+        said = {**now, **new_values(found)}
         length_m = asked(f"  {name}, {words} [{now[name]:g} m]: ", partial(_outline_m, said, name), None)
         if length_m is not None:
             found.append(_by_hand(name, now, length_m, "by tape"))
     return found
-
-
-def _values(measured: Sequence[Proposal]) -> dict[str, float]:
-    return {one.name: one.new for one in measured if one.new is not None}
 
 
 def _outline_m(now: Mapping[str, float], name: str, text: str) -> float:

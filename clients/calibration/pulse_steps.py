@@ -1,7 +1,7 @@
 """Steps of a calibration of a car by servo pulses, where they differ from those of a car with a tachometer."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import cast
 
 from wallride.clients.calibration import BRAKE, SPEED, STEERING, pulse_ways, ways
@@ -14,6 +14,7 @@ from wallride.clients.calibration.steps import (
     braking,
     check_forward,
     lidar_place_m,
+    new_values,
     room,
 )
 from wallride.clients.calibration.ways import CalibratedCar, CalibrationError
@@ -57,7 +58,7 @@ def _throttle(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Propo
     if fit.forward_us.why:
         raise CalibrationError(fit.forward_us.why)
     found = list(proposals.of_throttle(fit, now))
-    so_far.now = _with(now, found)
+    so_far.now = {**now, **new_values(found)}
     so_far.notes.append(
         f"throttle: neutral from {fit.reverse_us.as_text('us')} to {fit.forward_us.as_text('us')};"
         f" {fit.us_per_mps.as_text('us')} for each m/s"
@@ -68,7 +69,7 @@ def _throttle(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Propo
 def _bends(wanted: frozenset[str]) -> Callable[[CalibratedCar, CalibrationProgress], Iterator[Proposal]]:
     def run(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Proposal]:
         found = list(arcs(wanted)(car, so_far))
-        so_far.now = _with(so_far.now, found)
+        so_far.now = {**so_far.now, **new_values(found)}
         yield from found
 
     return run
@@ -100,8 +101,3 @@ def _brake(car: CalibratedCar, so_far: CalibrationProgress) -> Iterator[Proposal
     weak = brakes.value < MIN_BRAKE_MPS2
     words = "it hardly brakes: see the ESC's brake force" if weak else "it brakes and does not drive backward"
     yield Proposal(proposals.BRAKE_PULSE, pulse_us, pulse_us, words)
-
-
-def _with(now: Mapping[str, float], found: list[Proposal]) -> dict[str, float]:
-    """Return the settings with what was found."""
-    return {**now} | {one.name: one.new for one in found if one.new is not None}

@@ -1,7 +1,7 @@
 """Steps of a calibration: what each drives, what the operator sees to before, and the settings that it measures."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from wallride.clients.calibration import BRAKE, DELAY, LIDAR, PARTS, SPEED, STEERING, ways
@@ -153,6 +153,11 @@ def lidar_place_m(now: Mapping[str, float]) -> tuple[float, float]:
     return now[proposals.LIDAR_X], now[proposals.LIDAR_Y]
 
 
+def new_values(found: Sequence[Proposal]) -> dict[str, float]:
+    """Return what was measured, by the names of the settings."""
+    return {one.name: one.new for one in found if one.new is not None}
+
+
 def _reversed(found: list[Proposal]) -> list[str]:
     """Say that a lidar that is upside down looks like a steering the wrong way round."""
     gains = {names.gain for names in proposals.STEERINGS}
@@ -167,7 +172,7 @@ def _reversed(found: list[Proposal]) -> list[str]:
 
 def _limits(found: list[Proposal], now: Mapping[str, float]) -> list[str]:
     """Return how far the wheels turn within the servo's limits around the new middle."""
-    new = {**now} | {one.name: one.new for one in found if one.new is not None}
+    new = {**now, **new_values(found)}
     ends = proposals.SERVO.ends
     angles_rad = sorted((new[end] - new[proposals.SERVO_OFFSET]) / new[proposals.SERVO_GAIN] for end in ends)
     right_rad, left_rad = -angles_rad[0], angles_rad[1]
