@@ -9,7 +9,7 @@ from typing import Any
 from wallride.clients.answers import ANSWER_WITHIN_S, asked, reading
 from wallride.clients.connection import ConnectionProblemError, connected
 from wallride.runtime.host.ownership import user_name
-from wallride.runtime.host.terminal_text import one_line, say
+from wallride.runtime.host.terminal_text import in_columns, one_line, say
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.network import RefusedError
@@ -76,11 +76,7 @@ def table(parameters: Sequence[dict[str, Any]]) -> str:
                 when + parameter["description"],
             )
         )
-    widths = [max((len(row[column]) for row in rows), default=0) for column in range(3)]
-    return "\n".join(
-        one_line("  ".join([*(cell.ljust(width) for cell, width in zip(row, widths, strict=False)), row[3]]).rstrip())
-        for row in rows
-    )
+    return "\n".join(map(one_line, in_columns(rows)))
 
 
 async def _list(bus: Bus, car: str, options: argparse.Namespace) -> str:

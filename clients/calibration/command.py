@@ -30,7 +30,7 @@ from wallride.clients.status import lost_device
 from wallride.clients.teleop import terminal
 from wallride.runtime.calibration import proposals
 from wallride.runtime.calibration.proposals import Proposal
-from wallride.runtime.host.terminal_text import asked, say, yes_or_no
+from wallride.runtime.host.terminal_text import asked, in_columns, say, yes_or_no
 from wallride.runtime.parameters.file import StoreError
 from wallride.runtime.settings.tree import Settings, SettingsError
 from wallride.runtime.wire import topics
@@ -243,11 +243,7 @@ def table(measured: Sequence[Proposal]) -> str:
         (one.name, f"{one.old:g}", "as before" if one.new is None or not one.changes else f"{one.new:g}", one.words)
         for one in measured
     ]
-    widths = [max(len(row[column]) for row in rows) for column in range(3)]
-    return "\n".join(
-        "  ".join([*(cell.ljust(width) for cell, width in zip(row, widths, strict=False)), row[3]]).rstrip()
-        for row in rows
-    )
+    return "\n".join(in_columns(rows))
 
 
 def _write(path: Path, changed: Sequence[Proposal], *, yes: bool) -> int:

@@ -5,7 +5,7 @@ would turn words around. Every command prints by `say`, and text of others is on
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final, TextIO, TypeVar
 
 LONGEST: Final = 2000
@@ -22,6 +22,13 @@ def one_line(text: object, most: int = LONGEST) -> str:
     words = str(text)
     line = _escaped(words[: most + 1])
     return line if len(line) <= most else f"{line[: most - 3]}..."
+
+
+def in_columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return rows of cells as lines; every column but the last is as wide as its widest cell."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)][:-1]
+    padded = ([*map(str.ljust, row, widths), row[-1]] for row in rows)
+    return ["  ".join(cells).rstrip() for cells in padded]
 
 
 def say(text: str = "", *, file: TextIO | None = None, end: str = "\n") -> None:
