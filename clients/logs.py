@@ -4,7 +4,7 @@ import argparse
 import asyncio
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -269,11 +269,7 @@ def _say_gone(names: Sequence[str], refused: Mapping[str, str], options: argpars
 
 def _say_list(files: Sequence[ListedRecording], where: str, options: argparse.Namespace) -> None:
     if options.json:
-        options.print_line(
-            json.dumps(
-                [{field: getattr(file, field) for field in ListedRecording.__slots__} for file in files], indent=2
-            )
-        )
+        options.print_line(json.dumps([asdict(file) for file in files], indent=2))
         return
     for file in files:
         state = "" if file.state == "whole" else f"   {file.state}"
@@ -282,9 +278,5 @@ def _say_list(files: Sequence[ListedRecording], where: str, options: argparse.Na
         options.print_line(one_line(f"{file.size_bytes / MB:9.1f} MB  {lasted:>9}  {file.name}{state}"))
     total_mb = sum(file.size_bytes for file in files) / MB
     boxes = sum(file.black_box for file in files)
-    count = (
-        f"{len(files)} recordings"
-        if not boxes
-        else f"{len(files) - boxes} recordings and {boxes} black box{'es' if boxes > 1 else ''}"
-    )
-    options.print_line(f"{count}, {total_mb:.1f} MB in {one_line(where)}")
+    also = f" and {boxes} black box{'es' if boxes > 1 else ''}" if boxes else ""
+    options.print_line(f"{len(files) - boxes} recordings{also}, {total_mb:.1f} MB in {one_line(where)}")
