@@ -143,25 +143,18 @@ def _revoke(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
 
 def _list(options: argparse.Namespace, car: str, now: datetime) -> list[str]:
     people = KeyFolder(options.dir).people()
-    width = max([len(car), *(len(entry.person.name) for entry in people)])
-    if not (options.dir / f"{CAR}.pem").exists() and people:
-        return _fleet_list(options, people, now)
-    identity = _car_identity(options.dir)
+    is_fleet = bool(people) and not (options.dir / f"{CAR}.pem").exists()
+    identity = None if is_fleet else _car_identity(options.dir)
     if options.json:
-        return json.dumps(_listing(identity, people), indent=2).splitlines()
-    ends = identity.trouble(now) or identity.warning(now) or f"until {identity.expires:%Y-%m-%d}"
-    lines = [f"{identity.name:{width}}  car       {ends}; reached as {', '.join(identity.names)}"]
-    lines += [f"{e.person.name:{width}}  {e.person.role:8}  {_state(e, now)}" for e in people]
+        shown = {"car": _car_fields(identity)} if identity is not None else {}
+        return json.dumps({**shown, "people": _people(people)}, indent=2).splitlines()
+    width = max(len(name) for name in (*(entry.person.name for entry in people), *([] if is_fleet else [car])))
+    lines = [f"{e.person.name:{width}}  {e.person.role:8}  {_state(e, now)}" for e in people]
+    if identity is not None:
+        ends = identity.trouble(now) or identity.warning(now) or f"until {identity.expires:%Y-%m-%d}"
+        lines.insert(0, f"{identity.name:{width}}  car       {ends}; reached as {', '.join(identity.names)}")
     lines += open_to_others(options.dir)
     return lines if people else [*lines, "no other person: wallride keys add NAME --role viewer|operator|admin"]
-
-
-def _fleet_list(options: argparse.Namespace, people: Sequence[AccessEntry], now: datetime) -> list[str]:
-    if options.json:
-        return json.dumps({"people": _people(people)}, indent=2).splitlines()
-    width = max(len(entry.person.name) for entry in people)
-    lines = [f"{e.person.name:{width}}  {e.person.role:8}  {_state(e, now)}" for e in people]
-    return [*lines, *open_to_others(options.dir)]
 
 
 def _people(people: Sequence[AccessEntry]) -> list[dict[str, Any]]:
@@ -176,15 +169,8 @@ def _people(people: Sequence[AccessEntry]) -> list[dict[str, Any]]:
     ]
 
 
-def _listing(identity: CertificateIdentity, people: Sequence[AccessEntry]) -> dict[str, Any]:
-    return {
-        "car": {
-            "name": identity.name,
-            "expires": f"{identity.expires:%Y-%m-%d}",
-            "reached_as": list(identity.names),
-        },
-        "people": _people(people),
-    }
+def _car_fields(identity: CertificateIdentity) -> dict[str, Any]:
+    return {"name": identity.name, "expires": f"{identity.expires:%Y-%m-%d}", "reached_as": list(identity.names)}
 
 
 def _car_identity(directory: Path) -> CertificateIdentity:
