@@ -12,6 +12,7 @@ from wallride.clients.connection import another_car
 from wallride.clients.monitor.history import PlotHistory
 from wallride.clients.monitor.lap_watch import LapWatch
 from wallride.clients.monitor.outbox import FROM_CAR
+from wallride.clients.parameters import SAVED_WITHIN_S
 from wallride.clients.played import PlayedNames
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.bus import Bus
@@ -21,8 +22,6 @@ from wallride.runtime.wire.teleop import Beat, Command, Malformed, read_beat
 RETRY_S = 0.5
 ASK_EVERY_S = 1.0
 ANSWER_WITHIN_S = 2.0
-SAVED_WITHIN_S = 10.0
-"""Timeout of saving: a worn SD card may take seconds to confirm a write."""
 KNOWN_FOR_S = 0.5
 """Validity of an identity, 25 heartbeats; a program's end and another's start on its port take longer."""
 STANDS_MPS = 0.05
@@ -65,9 +64,10 @@ class PageFeed:
         self._bus = Bus(config)
         self._played = PlayedNames(self._bus, car)
         self._topics = {topics.key(car, topic): topic for topic in FROM_CAR}
-        self._declared = False
         self._status = b"", -math.inf
         self.lap = LapWatch()
+        for key in self._topics:
+            self._bus.subscribe(key, self._on_sample)
 
     @property
     def is_by_keys(self) -> bool:
@@ -127,10 +127,6 @@ class PageFeed:
             raise RefusedError(f"{self.car} answered something that cannot be read") from None
 
     async def _connect(self) -> bool:
-        if not self._declared:
-            self._declared = True
-            for key in self._topics:
-                self._bus.subscribe(key, self._on_sample)
         try:
             await self._bus.open()
         except OSError as error:

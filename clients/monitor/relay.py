@@ -27,7 +27,7 @@ START_ONE = "Start one: make sim here, or wallride run on the car."
 
 @dataclass(slots=True)
 class CarEndpoint:
-    """One endpoint: the configuration of its sessions, its cars, and the reason if they are unknown.
+    """One endpoint: the configuration of its sessions, and its cars.
 
     session: of the selected start of a car there, None for all. histories: of its cars, for a page that comes later.
     """
@@ -35,13 +35,16 @@ class CarEndpoint:
     endpoint: str
     config: Mapping[str, Any]
     session: int | None = None
-    cars: Cars | None = None
     histories: CarHistories = field(init=False)
     link: FleetLink = field(init=False)
+    cars: Cars = field(init=False)
 
     def __post_init__(self) -> None:
         self.histories = CarHistories(self.session)
-        self.link = FleetLink(Bus(self.config))
+        bus = Bus(self.config)
+        self.link, self.cars = FleetLink(bus), Cars(bus)
+        for topic in CarHistories.TOPICS:
+            bus.subscribe(topics.key("*", topic), self.histories.take)
 
     @property
     def problem(self) -> str:
@@ -79,7 +82,7 @@ class Relay:
     @property
     def names(self) -> list[str]:
         """Return the cars present now."""
-        return sorted({name for place in self._places if place.cars is not None for name in place.cars.names})
+        return sorted({name for place in self._places for name in place.cars.names})
 
     @property
     def problem(self) -> str:
@@ -124,7 +127,7 @@ class Relay:
 
     def place_of(self, name: str) -> CarEndpoint:
         """Return the endpoint at which a car is, the first one for a car that is not there."""
-        return next((place for place in self._places if place.cars and name in place.cars.names), self._places[0])
+        return next((place for place in self._places if name in place.cars.names), self._places[0])
 
     def _end(self, name: str) -> None:
         if (closing := self._closing.pop(name, None)) is not None:
@@ -135,15 +138,11 @@ class Relay:
 
 async def _look(place: CarEndpoint) -> None:
     """Keep one session with an endpoint: its cars, and what is plotted of them before a page comes."""
-    bus = place.link.bus
-    place.cars = Cars(bus)
-    for topic in CarHistories.TOPICS:
-        bus.subscribe(topics.key("*", topic), place.histories.take)
     try:
         await open_link(place.link)
         await asyncio.Event().wait()
     finally:
-        await bus.close()
+        await place.link.bus.close()
 
 
 def _say_why(task: "asyncio.Task[None]") -> None:
