@@ -179,21 +179,13 @@ function recordingWords(recording) {
   return file ? `${recording.words} (${file}, ${number(recording.written_mb, 1, " MB")})` : recording.words;
 }
 
-/** Lists the cars; returns whether the list changed. */
+/** Lists the cars. */
 export function showCars(select, cars, watching) {
   const names = watching && !cars.includes(watching) ? [...cars, watching] : cars;
   const before = [...select.options].map((option) => option.value).join();
-  const after = names.join();
-  if (before !== after) {
-    select.replaceChildren(...names.map((name) => {
-      const option = make("option", "", name);
-      option.value = name;
-      return option;
-    }));
-  }
+  if (before !== names.join()) select.replaceChildren(...names.map((name) => make("option", "", name)));
   if (watching && select.value !== watching) select.value = watching;
   setHidden(select, names.length === 0);
-  return before !== after;
 }
 
 function poseWords(pose) {

@@ -308,7 +308,6 @@ class Row {
   }
 }
 
-/** What a person calls it: the unit stands beside the value already. */
 /** The title of each setting; those of one group that differ in their unit alone say what they measure. */
 function titlesOf(parameters) {
   const place = (parameter) => `${groupOf(parameter)}: ${titleOf(parameter)}`;
@@ -322,6 +321,7 @@ function titlesOf(parameters) {
 
 function groupOf({ name }) { return name.slice(0, name.lastIndexOf(".")); }
 
+/** What a person calls it: the unit stands beside the value already. */
 function titleOf({ name, unit }) {
   const key = name.split(".").at(-1);
   return (unit && unit !== "1" ? key.replace(UNIT_ENDING, "") : key).replaceAll("_", " ");

@@ -5,7 +5,8 @@ import { $, setData, setText } from "../look.js";
 import { remember } from "../remembered.js";
 
 const SMALL = matchMedia("(max-width: 760px)");
-const HELD = { autonomy: "autonomy", reset: "reset", "take-over": "take_over" };
+/** What the buttons hold, by their ids. */
+export const HELD = { autonomy: "autonomy", reset: "reset", "take-over": "take_over" };
 
 export class Driving {
   #topSpeed = 1.5;

@@ -2,7 +2,7 @@
 // while this page drives, and at once when it changes. What it cannot know (a cancelled touch, a lost focus) it calls
 // neither held nor released: the car stops, and wants a release (see clients/monitor/driving.py).
 
-import { Pads } from "./pads.js";
+import { Pads, clamp } from "./pads.js";
 
 const EVERY_MS = 25;
 /** Chromium holds all timers back for 0.1 s when a finger comes down, so that pages answer it quickly: just when the
@@ -244,5 +244,3 @@ export class Hands {
 function writes(target) {
   return target instanceof Element && target.closest('input:not([type="range"], [type="checkbox"]), select, textarea') !== null;
 }
-
-function clamp(value) { return Number.isFinite(value) ? Math.max(-1, Math.min(1, value)) : 0; }

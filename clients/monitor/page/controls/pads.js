@@ -60,4 +60,5 @@ function fingerprint(pad) {
   return sum;
 }
 
-function clamp(value) { return Number.isFinite(value) ? Math.max(-1, Math.min(1, value)) : 0; }
+/** A deflection, -1 to 1; 0 for no number. */
+export function clamp(value) { return Number.isFinite(value) ? Math.max(-1, Math.min(1, value)) : 0; }

@@ -1,10 +1,10 @@
 // What the drive panel says: who operates, what to do next, in the names of what this device has.
 
+import { HELD } from "./driving.js";
 import { START } from "../condition.js";
 import { $, setData, setHidden, setText } from "../look.js";
 
 const GONE_MS = 5000; // a car that was not heard for so long, and is not announced any more, has ended
-const HELD = [["autonomy", "autonomy"], ["reset", "reset"], ["take-over", "take_over"]];
 
 export class PilotView {
   #announced = "";
@@ -26,9 +26,7 @@ export class PilotView {
     setData(document.body, "other", String(Boolean(beat.present && pilot.whose && pilot.whose !== "this page")));
     if (this.#announced !== (this.#announced = $("pilot-state").textContent)) setText($("pilot-said"), this.#announced);
     $("driving").style.setProperty("--progress", String(pilot.progress ?? 0));
-    for (const [id, what] of HELD) {
-      setData($(id), "held", String(hands.isHeld(what)));
-    }
+    for (const [id, what] of Object.entries(HELD)) setData($(id), "held", String(hands.isHeld(what)));
     if (device.look(hands.pads)) this.showDevice();
   }
 
@@ -60,7 +58,7 @@ export class PilotView {
   /** Names what this device has: keys, a gamepad, or fingers. */
   showDevice() {
     const { device } = this;
-    for (const [id, what] of HELD) setText($(id).querySelector("small"), device.hold(what));
+    for (const [id, what] of Object.entries(HELD)) setText($(id).querySelector("small"), device.hold(what));
     setText($("pad-name"), device.padWords);
     setHidden($("pad-name"), !device.padWords);
     setText($("drive-keys"), device.keys ? " Arrow keys or W A S D drive while held." : " Hold the pad and pull to drive.");
