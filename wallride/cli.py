@@ -25,7 +25,7 @@ from wallride import (
 )
 from wallride.bringup import calibrate_options, doctor_options, emulate_options, import_options
 from wallride.deploy import options as deploy_options
-from wallride.failure import TRACEBACK_VARIABLE, fail, fail_at_place, forget_output, needs, report
+from wallride.failure import TRACEBACK_VARIABLE, fail, fail_at_place, forget_output, report
 from wallride.fleet import options as fleet_options
 from wallride.new import options as new_options
 from wallride.parser import Commands, GroupedParser, Parser, add_config, add_set, default_config
@@ -96,9 +96,7 @@ def build_parser() -> argparse.ArgumentParser:
     vesc_options.add(commands)
     import_options.add(commands)
     calibrate_options.add(commands)
-    lab = commands.add_parser("lab", help="experiments with the car's own laws, faster than real time")
-    lab.set_defaults(run=_lab)
-    lab_options.add(lab)
+    lab_options.add(commands.add_parser("lab", help="experiments with the car's own laws, faster than real time"))
     new_options.add(commands)
     for options in (
         bench_options,
@@ -248,15 +246,6 @@ def _check(options: argparse.Namespace) -> int:
     for text in (*warnings, *problems):
         say(f"wallride: {one_line(text)}", file=sys.stderr)
     return USAGE_ERROR if problems else 0
-
-
-def _lab(options: argparse.Namespace) -> int:
-    with needs("sim", "the simulator needs"):
-        if options.experiment == "fit":
-            from wallride.sim.fit.command import run
-        else:
-            from wallride.sim.lab.command import run
-    return run(options)
 
 
 def _build_kernel(options: argparse.Namespace) -> int:

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from wallride.experiments import race_options, report_options, tune_options
+from wallride.failure import later
 from wallride.parser import Commands, add_jobs, add_json, add_set, at_least, number, writable_path
 from wallride.sim_options import add_car
 from wallride.sweeps import options as sweep_options
@@ -53,7 +54,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 def _add_experiment(experiments: Commands, name: str, what: str, *, fixed: bool) -> argparse.ArgumentParser:
     """Add an experiment. fixed: laws, speeds, floors, sides and seeds are its own."""
     parser = experiments.add_parser(name, help=what, description=what[:1].upper() + what[1:] + ".")
-    parser.set_defaults(conditions=None, condition=[], own_parts=None)
+    run = later("wallride.sim.lab.command", "sim", "the simulator needs")
+    parser.set_defaults(run=run, conditions=None, condition=[], own_parts=None)
     if fixed:
         parser.set_defaults(method="ball", speeds=None, mu=None, side=None, seed=1000, seeds=1)
     else:
@@ -63,6 +65,7 @@ def _add_experiment(experiments: Commands, name: str, what: str, *, fixed: bool)
 
 
 def _add_fit(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(run=later("wallride.sim.fit.command", "sim", "the simulator needs"))
     parser.add_argument("files", type=Path, nargs="+", metavar="FILE", help="recordings of one car's drives")
     parser.add_argument(
         "--out",
