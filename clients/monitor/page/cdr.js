@@ -63,7 +63,7 @@ const reader = new Reader();
 
 /** sensor_msgs/LaserScan. ranges: metres, NaN where a beam has no distance. */
 export class Scan {
-  stamp = 0; angleMin = 0; step = 0; rangeMin = 0; rangeMax = 0; n = 0;
+  stamp = 0; angleMin = 0; step = 0; rangeMax = 0; n = 0;
   ranges = new Float32Array(0);
 
   read(view, start, length) {
@@ -72,9 +72,7 @@ export class Scan {
     this.angleMin = reader.f32();
     reader.f32();
     this.step = reader.f32();
-    reader.f32();
-    reader.f32();
-    this.rangeMin = reader.f32();
+    reader.skip(4, 3, 4);
     this.rangeMax = reader.f32();
     const n = reader.count(4);
     if (this.ranges.length < n) this.ranges = new Float32Array(n);
@@ -94,7 +92,7 @@ export class Markers {
     reader.begin(view, start, length);
     const count = reader.count(100);
     for (let i = 0; i < count; i++) {
-      const item = this.items[i] ?? (this.items[i] = { name: "", kind: 0, n: 0, xy: new Float64Array(0) });
+      const item = this.items[i] ?? (this.items[i] = { name: "", n: 0, xy: new Float64Array(0) });
       readMarker(item);
     }
     this.count = count;
@@ -109,12 +107,9 @@ export class Markers {
 function readMarker(item) {
   reader.stamp();
   item.name = reader.text();
-  reader.i32();
-  item.kind = reader.i32();
-  reader.i32();
+  reader.skip(4, 3, 4);
   reader.skip(8, 7 + 3, 8);
-  reader.skip(4, 4, 4);
-  reader.skip(4, 2, 4);
+  reader.skip(4, 4 + 2, 4);
   reader.u8();
   const n = reader.count(24);
   if (item.xy.length < 2 * n) item.xy = new Float64Array(2 * n);
@@ -259,7 +254,7 @@ const BEAT_BYTES = 55;
 
 /** The car's heartbeat (runtime/wire/teleop.py): what a page echoes so that its commands have an age. */
 export class Beat {
-  carSession = 0; number = 0; flags = 0; speed = NaN; operatorName = "";
+  carSession = 0; number = 0; flags = 0; operatorName = "";
   #name = new Uint8Array(24);
 
   read(view, start, length) {
@@ -267,7 +262,6 @@ export class Beat {
     this.carSession = view.getUint32(start + 4, true);
     this.number = view.getUint32(start + 8, true);
     this.flags = view.getUint8(start + 12);
-    this.speed = view.getFloat32(start + 27, true);
     this.#readName(view, start + 31);
   }
 

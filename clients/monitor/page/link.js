@@ -24,7 +24,6 @@ export class Link {
   /** When what we have of a topic left the car, on this page's clock [ms]; as well as one can know without clocks. */
   seenMs = {};
   open = false;
-  everOpen = false;
   /** The server's last words, "" while there is a link and after one that broke without a word. */
   goodbye = "";
   roundTripMs = NaN;
@@ -103,7 +102,7 @@ export class Link {
       this.#topics = message.topics;
       this.#fromCar = message.from_car;
       for (const topic of this.#topics) this.newest[topic] ??= new Json();
-      this.open = this.everOpen = true;
+      this.open = true;
       this.goodbye = "";
       this.#waitMs = SOONEST_MS;
       this.#emit("hello", message);
