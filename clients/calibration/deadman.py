@@ -1,11 +1,10 @@
 """The deadman of a calibration in a terminal: a key that is held, with the rules of `wallride teleop`."""
 
 import time
-from types import TracebackType
 from typing import Self
 
 from wallride.clients.calibration.link import LetGoError
-from wallride.clients.teleop.keyboard import HeldKeys, Quit, RepeatedKeys
+from wallride.clients.teleop.sources import KeySource
 from wallride.clients.teleop.terminal import Terminal
 
 PERIOD_S = 0.02
@@ -38,17 +37,15 @@ class TerminalDeadman:
 
     def __init__(self) -> None:
         self._terminal = Terminal(time.monotonic, want_releases=True)
-        self._keys: HeldKeys | RepeatedKeys = RepeatedKeys("terminal")
+        self._keys = KeySource(self._terminal, releases=False)
 
     def __enter__(self) -> Self:
         self._terminal.__enter__()
-        self._keys = HeldKeys("terminal", answers=True) if self._terminal.releases else RepeatedKeys("terminal")
+        self._keys = KeySource(self._terminal, releases=self._terminal.releases)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._terminal.__exit__(kind, error, trace)
+    def __exit__(self, *_: object) -> None:
+        self._terminal.__exit__()
 
     @property
     def key(self) -> str:
@@ -62,12 +59,9 @@ class TerminalDeadman:
 
     def is_held(self) -> bool:
         """Return whether the key is held; LetGoError for Space, Esc or Ctrl-C, which end the calibration."""
-        now_s = time.monotonic()
-        for event in self._terminal.poll():
-            if isinstance(event, Quit):
-                raise LetGoError("ended by the operator")
-            self._keys.feed(event, now_s)
-        inputs = self._keys.inputs(now_s)
+        inputs = self._keys.poll(time.monotonic(), ready=True)
+        if self._keys.leaving:
+            raise LetGoError("ended by the operator")
         if inputs.wants_stop:
             raise LetGoError("stopped by the operator")
         return inputs.live and inputs.manual
