@@ -137,27 +137,20 @@ def _status(options: argparse.Namespace) -> int:
 
 def _agreed(options: argparse.Namespace) -> bool:
     """Tell whether to do it; ask where a person is there."""
+    from wallride.service.parts import ServiceError
+
     if options.dry_run:
         say("nothing done (--dry-run)")
         return False
-    if options.yes:
-        _need_root(options.root)
-        return True
-    if not sys.stdin.isatty():
+    if not options.yes and not sys.stdin.isatty():
         say("nothing done: say --yes")
         return False
-    _need_root(options.root)
-    if yes_or_no("do it?", default=False):
+    if os.geteuid() != 0:
+        raise ServiceError(f"{options.root} belongs to root: run it with sudo")
+    if options.yes or yes_or_no("do it?", default=False):
         return True
     say("nothing done")
     return False
-
-
-def _need_root(root: Path) -> None:
-    from wallride.service.parts import ServiceError
-
-    if os.geteuid() != 0:
-        raise ServiceError(f"{root} belongs to root: run it with sudo")
 
 
 def _runs(root: Path) -> bool:
