@@ -51,11 +51,6 @@ class CarEndpoint:
         """Return why there is no session with it, "" while there is."""
         return self.link.problem
 
-    @property
-    def is_refused(self) -> bool:
-        """Return whether the reason may be a key, and deserves a report."""
-        return self.endpoint.startswith("tls/") and self.problem not in {"", "connecting"}
-
     def options(self, keys: Path | None) -> list[str]:
         """Return the options of a command that is to reach the same cars. keys: folder of the keys, for tls."""
         return [
@@ -89,7 +84,8 @@ class Relay:
         """Return the reason why there is no car to choose, with the remedy; "" when there is one."""
         if self.names:
             return ""
-        secured = [f"{place.endpoint}: {place.problem}" for place in self._places if place.is_refused]
+        unopened = [place for place in self._places if place.problem and place.endpoint.startswith("tls/")]
+        secured = [f"{place.endpoint}: {place.problem}" for place in unopened]  # the reason may be a key
         where = ", ".join(place.endpoint for place in self._places)
         return "; ".join([f"No car at {where}. {START_ONE}", *secured])
 

@@ -28,7 +28,7 @@ export class Course {
   }
 
   forget() {
-    this.#link.forget(["pose", "map", "line"]);
+    for (const topic of ["pose", "map", "line"]) this.#link.forget(topic);
     this.best = [];
     this.#trace = [];
     this.#pose = this.#rates = null;
