@@ -14,11 +14,12 @@ from wallride.runtime.control.own_laws.law_class import is_own, loaded
 from wallride.runtime.parameters.catalogue import Parameter, Value, catalogue, shown, values
 from wallride.runtime.parameters.policy import is_looser
 from wallride.runtime.settings.tree import Settings, in_file
+from wallride.runtime.wire.network import RefusedError
 
 _BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
 
 
-class UnacceptableError(Exception):
+class UnacceptableError(RefusedError):
     """The values cannot be accepted; the text names each key and its allowed values. Nothing was changed."""
 
 

@@ -10,9 +10,9 @@ from wallride.runtime.parameters.file import StoreError, replace
 from wallride.runtime.parameters.history import ChangeHistory, SettingChange
 from wallride.runtime.parameters.restart import RestartDesk
 from wallride.runtime.parameters.server import ParameterServer
-from wallride.runtime.parameters.update import UnacceptableError
 from wallride.runtime.wire import topics
-from wallride.runtime.wire.requests import Reply, RequestServer, refuse_later_on, refuse_on
+from wallride.runtime.wire.network import Reply
+from wallride.runtime.wire.requests import RequestServer
 
 log = logging.getLogger("wallride.parameters")
 
@@ -23,13 +23,13 @@ MAX_NAMED = 3
 def serve(bus: RequestServer, car: str, desk: ParameterServer, restart: RestartDesk) -> None:
     """Answer `param/list|get|set|save|configure|history|restart` of a car."""
     replies: dict[str, Reply] = {
-        "list": refuse_on(UnacceptableError, desk.list_all),
-        "get": refuse_on(UnacceptableError, desk.get_some),
-        "set": refuse_on(UnacceptableError, desk.set_some),
-        "save": refuse_later_on(UnacceptableError, desk.save),
-        "configure": refuse_later_on(UnacceptableError, desk.configure),
-        "history": refuse_on(UnacceptableError, desk.past),
-        "restart": refuse_later_on(UnacceptableError, restart.receive),
+        "list": desk.list_all,
+        "get": desk.get_some,
+        "set": desk.set_some,
+        "save": desk.save,
+        "configure": desk.configure,
+        "history": desk.past,
+        "restart": restart.receive,
     }
     for name, reply in replies.items():
         bus.answer(topics.key(car, f"{topics.PARAM}/{name}"), reply)

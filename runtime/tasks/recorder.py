@@ -20,8 +20,8 @@ from wallride.runtime.recording.recover import file_state
 from wallride.runtime.recording.requests import GetRecording, ListRecordings, RecordQuestion, TrimQuestion
 from wallride.runtime.recording.ring import MB, entries, parse, trim
 from wallride.runtime.wire import topics
-from wallride.runtime.wire.network import RefusedError
-from wallride.runtime.wire.requests import Reply, RequestServer
+from wallride.runtime.wire.network import RefusedError, Reply
+from wallride.runtime.wire.requests import RequestServer
 
 BEGINS_WITHIN_S = 1.0
 LOOK_EVERY_S = 0.05
