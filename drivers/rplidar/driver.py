@@ -2,16 +2,15 @@
 
 import asyncio
 import time
-from collections.abc import Callable
 from typing import Final
 
 from wallride.drivers.api import Clock, LinkLost, ProtocolError, Reschedule, as_wanted, printable
 from wallride.drivers.rplidar import capsules, codec, models
 from wallride.drivers.rplidar.settings import RplidarSettings
 from wallride.drivers.turning.conversation import LidarTalk
-from wallride.drivers.turning.driver import TurningLidar
+from wallride.drivers.turning.driver import FAULT_STAYS, TurningLidar
 from wallride.drivers.turning.grid import AskMotion, standing
-from wallride.drivers.turning.replies import SensorInfo, decode_condition, decode_info
+from wallride.drivers.turning.replies import SensorInfo, decode_info
 from wallride.drivers.turning.samples import SampleDecoder
 from wallride.drivers.turning.stream import StreamFacts
 from wallride.drivers.value import value
@@ -20,12 +19,10 @@ BAUDS: Final = (115200, 256000, 460800, 1_000_000)
 STOP_S: Final = 0.1
 """Time after STOP in which the sensor takes no command."""
 RESET_S: Final = 2.0
-STREAM_TIMEOUT_S: Final = 1.5
 USUAL_DUTY: Final = 660
 USUAL_RPM: Final = 600
 _PLAIN_S, _EXPRESS_S = 1 / 2000, 1 / 4000
 """Time of a sample where the sensor does not tell it."""
-_PROTECTED: Final = 2
 MIN_SAMPLE_S, MAX_SAMPLE_S, MAX_RANGE_M, MAX_MODE = 1e-6, 1e-2, 100.0, 255
 """Bounds of what a sensor tells of its mode: replies have no checksum."""
 MAX_NAME_B: Final = 40
@@ -45,6 +42,8 @@ class Mode:
 class Rplidar(TurningLidar):
     """A `Lidar` (see wallride.drivers.api): any RPLIDAR at a serial port, or at a bridge to one."""
 
+    word = "RPLIDAR"
+
     def __init__(
         self,
         settings: RplidarSettings,
@@ -53,21 +52,11 @@ class Rplidar(TurningLidar):
         clear_s: Reschedule = as_wanted,
         motion: AskMotion = standing,
     ) -> None:
-        super().__init__(RplidarKind(settings), settings, clock=clock, clear_s=clear_s, motion=motion)
-
-
-class RplidarKind:
-    """What is different in an RPLIDAR; see `Kind` in wallride.drivers.turning.driver."""
-
-    word = "RPLIDAR"
-    bauds: tuple[int, ...] = BAUDS
-    dtr = False  # set, it stops an A1's motor
-
-    def __init__(self, settings: RplidarSettings) -> None:
-        self._settings = settings
+        super().__init__(settings, BAUDS, clock=clock, clear_s=clear_s, motion=motion)
+        self._plain_only, self._speed_rpm = settings.mode == "standard", settings.speed_rpm or USUAL_RPM
         self._info = SensorInfo(0, (0, 0), 0, b"")
 
-    async def meet(self, talk: LidarTalk, count: Callable[[str], None]) -> str:
+    async def _greet(self, talk: LidarTalk) -> str:
         """Stop what it does, and ask who it is and how it is; a sensor in protection stop is reset once."""
         await self._stop(talk)
         reply = await talk.ask_patiently(codec.command(codec.GET_INFO), codec.INFO, tries=3)
@@ -77,37 +66,29 @@ class RplidarKind:
                 f"{talk.link.address}: its identity has {len(reply.payload)} bytes, not 20 (an RPLIDAR?)"
             )
         self._info = info
-        if await self._is_protected(talk, count):
-            count("reset")
+        if await self._is_protected(talk):
+            self._health.count("reset")
             talk.link.write(codec.command(codec.RESET))
             await asyncio.sleep(RESET_S)
             await self._stop(talk)
-            if await self._is_protected(talk, count):
-                raise ProtocolError(
-                    f"{talk.link.address}: it reports a fault that a reset does not clear"
-                    " (is the head blocked? power-cycle it; else have it repaired)"
-                )
+            if await self._is_protected(talk):
+                raise ProtocolError(f"{talk.link.address}: {FAULT_STAYS}")
         major, minor = info.firmware
         return f"{models.name_of(info)}, firmware {major}.{minor:02d}, serial {info.serial.hex().upper()}"
 
-    async def start(self, talk: LidarTalk, count: Callable[[str], None]) -> StreamFacts:
+    async def _start(self, talk: LidarTalk) -> StreamFacts:
         """Start motor and stream."""
         mode = await self._mode(talk)
         await self._turn(talk, on=True)
         command = codec.command(codec.SCAN) if mode.number is None else codec.express_scan(mode.number)
-        try:
-            reply = await talk.ask(command, mode.kind, timeout_s=STREAM_TIMEOUT_S)
-        except LinkLost as error:
-            raise LinkLost(
-                f"{talk.link.address}: it does not start measuring ({talk.heard}; is its supply strong enough?)"
-            ) from error
+        reply = await self._ask_stream(talk, command, mode.kind)
         if not reply.streams:
             raise ProtocolError(f"{talk.link.address}: it announces no stream in mode {mode.name} (power-cycle it)")
-        decoder = self._decoder(mode, count)
+        decoder = self._decoder(mode)
         summary = f"{models.name_of(self._info)}, {mode.name}"
         return StreamFacts(decoder, mode.sample_s, models.RANGE_MIN_M, mode.range_max_m, summary, talk.take_rest())
 
-    async def leave(self, talk: LidarTalk) -> None:
+    async def _leave(self, talk: LidarTalk) -> None:
         """Stop measuring, then the motor: it keeps turning with neither."""
         talk.link.write(codec.command(codec.STOP))
         await asyncio.sleep(STOP_S)
@@ -120,22 +101,18 @@ class RplidarKind:
         await asyncio.sleep(STOP_S)
         await talk.become_quiet()
 
-    async def _is_protected(self, talk: LidarTalk, count: Callable[[str], None]) -> bool:
-        reply = await talk.ask_patiently(codec.command(codec.GET_HEALTH), codec.HEALTH, tries=2)
-        condition = decode_condition(reply.payload)
-        if condition is not None and condition.status:
-            count(f"error {condition.code:#06x}")
-        return condition is not None and condition.status == _PROTECTED
+    async def _is_protected(self, talk: LidarTalk) -> bool:
+        return self._tells_fault(await talk.ask_patiently(codec.command(codec.GET_HEALTH), codec.HEALTH, tries=2))
 
-    def _decoder(self, mode: Mode, count: Callable[[str], None]) -> SampleDecoder:
-        decoder = capsules.decoder_for(mode.kind, count)
-        return codec.PlainDecoder(count) if decoder is None else decoder
+    def _decoder(self, mode: Mode) -> SampleDecoder:
+        decoder = capsules.decoder_for(mode.kind, self._health.count)
+        return codec.PlainDecoder(self._health.count) if decoder is None else decoder
 
     async def _mode(self, talk: LidarTalk) -> Mode:
         """Return the stream to use, as far as the sensor tells its configuration."""
         plain_s, express_s = await self._sample_times(talk)
         plain = Mode(None, codec.PLAIN, plain_s, models.RANGE_MAX_M, "plain")
-        if self._settings.mode == "standard":
+        if self._plain_only:
             return plain
         if not models.tells_configuration(self._info):
             express = Mode(0, capsules.EXPRESS, express_s, models.RANGE_MAX_M, "express")
@@ -181,7 +158,7 @@ class RplidarKind:
         if motor is models.HeadDrive.BOARD:
             talk.link.write(codec.set_pwm(USUAL_DUTY if on else 0))
         elif motor is models.HeadDrive.SPEED:
-            talk.link.write(codec.set_speed((self._settings.speed_rpm or USUAL_RPM) if on else 0))
+            talk.link.write(codec.set_speed(self._speed_rpm if on else 0))
         await asyncio.sleep(0.02)
 
 

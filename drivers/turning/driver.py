@@ -5,14 +5,16 @@ import contextlib
 import itertools
 import math
 import time
+from abc import abstractmethod
 from collections.abc import Callable
-from typing import ClassVar, Final, Never, Protocol
+from typing import ClassVar, Final, Never
 
 from wallride.drivers.api import Clock, DriverError, LinkLost, LinkState, Reschedule, Scan, as_wanted
 from wallride.drivers.lidar import LATE_SAID_S, ConnectedLidar
 from wallride.drivers.link import ByteLink, until_lost
 from wallride.drivers.turning.conversation import LidarTalk
 from wallride.drivers.turning.grid import AskMotion, Mount, standing
+from wallride.drivers.turning.replies import Reply, decode_condition
 from wallride.drivers.turning.settings import TurningSettings
 from wallride.drivers.turning.stream import StreamFacts, Turning, TurnStream
 
@@ -23,64 +25,76 @@ PROMPT_LINK_S: Final = 0.04
 early is as wrong as one that is dated too late."""
 SPEED_CHANGED: Final = 0.2
 """Share by which the speed of the head may differ from that at the start before a status says so."""
+STREAM_TIMEOUT_S: Final = 1.5
+FAULT_STAYS: Final = (
+    "it reports a fault that a reset does not clear (is the head blocked? power-cycle it; else have it repaired)"
+)
 _FAREWELL_TIMEOUT_S: Final = 0.3
-
-
-class Kind(Protocol):
-    """What is different in one kind of turning lidar.
-
-    word: its name in messages. bauds: usual speeds of the line, the likeliest first. dtr: state of that line at the
-    opening of the port.
-    """
-
-    word: str
-    bauds: tuple[int, ...]
-    dtr: bool
-
-    async def meet(self, talk: LidarTalk, count: Callable[[str], None]) -> str:
-        """Quieten the sensor, whatever its state, and return its identity. LinkLost where nothing of it answers."""
-
-    async def start(self, talk: LidarTalk, count: Callable[[str], None]) -> StreamFacts:
-        """Start the motor and the stream of the sensor just met; DriverError with its remedy where it refuses."""
-
-    async def leave(self, talk: LidarTalk) -> None:
-        """Stop the stream and the motor."""
+_FAULT: Final = 2
 
 
 class TurningLidar(ConnectedLidar[LidarTalk]):
     """A `Lidar` (see wallride.drivers.api) that turns a full circle, at a serial port or a bridge to one.
 
-    clear_s: moves the checks of the stream to a better moment. motion: tells how the car moves, to take the motion out
-    of a turn.
+    word: its name in messages. bauds: usual speeds of the line, the likeliest first. clear_s: moves the checks of the
+    stream to a better moment. motion: tells how the car moves, to take the motion out of a turn.
     """
 
+    word: ClassVar[str]
     leaves_after: ClassVar = (asyncio.CancelledError, DriverError)
 
     def __init__(
         self,
-        kind: Kind,
         settings: TurningSettings,
+        bauds: tuple[int, ...],
         *,
         clock: Clock = time.monotonic,
         clear_s: Reschedule = as_wanted,
         motion: AskMotion = standing,
     ) -> None:
-        super().__init__(settings, kind.bauds, clock, clear_s, dtr=kind.dtr)
-        self._kind = kind
+        super().__init__(settings, bauds, clock, clear_s, dtr=False)  # set, it stops some motors and turns others
         self._settings = settings
         self._motion = motion
         self._mount = Mount(settings.yaw_rad, settings.mounted_upside_down)
         self._numbers = itertools.count()
 
+    @abstractmethod
+    async def _greet(self, talk: LidarTalk) -> str:
+        """Quieten the sensor, whatever its state, and return its identity. LinkLost where nothing of it answers."""
+
+    @abstractmethod
+    async def _start(self, talk: LidarTalk) -> StreamFacts:
+        """Start the motor and the stream of the sensor just met; DriverError with its remedy where it refuses."""
+
+    @abstractmethod
+    async def _leave(self, talk: LidarTalk) -> None:
+        """Stop the stream and the motor."""
+
+    async def _ask_stream(self, talk: LidarTalk, command: bytes, kind: int) -> Reply:
+        """Return the announcement of a stream of a type."""
+        try:
+            return await talk.ask(command, kind, timeout_s=STREAM_TIMEOUT_S)
+        except LinkLost as error:
+            raise LinkLost(
+                f"{talk.link.address}: it does not start measuring ({talk.heard}; is its supply strong enough?)"
+            ) from error
+
+    def _tells_fault(self, reply: Reply) -> bool:
+        """Return whether a sensor reports a fault of itself; an error is counted."""
+        condition = decode_condition(reply.payload)
+        if condition is not None and condition.status:
+            self._health.count(f"error {condition.code:#06x}")
+        return condition is not None and condition.status == _FAULT
+
     async def _meet(self, link: ByteLink) -> LidarTalk:
         talk = LidarTalk(link)
-        self._note(await self._kind.meet(talk, self._health.count))
+        self._note(await self._greet(talk))
         return talk
 
     async def _measure(self, talk: LidarTalk, on_scan: Callable[[Scan], None]) -> Never:
         while True:
             self._say(LinkState.STARTING, f"{talk.link.address}: starting the motor and the stream")
-            facts = await self._kind.start(talk, self._health.count)
+            facts = await self._start(talk)
             link_s = talk.quickest_s if PROMPT_LINK_S < talk.quickest_s < math.inf else 0.0
             turning = Turning(self._mount, self._settings.stale_after_s, link_s, self._motion)
             stream = TurnStream(facts, turning, self._health, self._numbers.__next__, on_scan)
@@ -93,7 +107,7 @@ class TurningLidar(ConnectedLidar[LidarTalk]):
             if stream.delivered_s is None:
                 raise LinkLost(f"{talk.link.address}: {why}")
             self._health.count("restart")
-            self._note(await self._kind.meet(talk, self._health.count))
+            self._note(await self._greet(talk))
 
     async def _watch(self, stream: TurnStream, facts: StreamFacts, started_s: float) -> str:
         """Check the stream ten times a second; return the reason for a restart."""
@@ -111,9 +125,9 @@ class TurningLidar(ConnectedLidar[LidarTalk]):
             usual_hz = stream.turns_hz if math.isnan(usual_hz) else usual_hz
             age_s = now_s - stream.delivered_s
             if stream.repetition.stored:
-                self._say(LinkState.FAULTY, f"{self._kind.word}: it repeats one turn: power-cycle it, check its cable")
+                self._say(LinkState.FAULTY, f"{self.word}: it repeats one turn: power-cycle it, check its cable")
             elif age_s > self._settings.degraded_after_s:
-                self._say(LinkState.FAULTY, f"{self._kind.word}: no scan for {age_s:.1f} s (cable, power, motor?)")
+                self._say(LinkState.FAULTY, f"{self.word}: no scan for {age_s:.1f} s (cable, power, motor?)")
             elif self._health.link is LinkState.READY:
                 self._health.message = _summary(facts, stream, usual_hz)
 
@@ -140,7 +154,7 @@ class TurningLidar(ConnectedLidar[LidarTalk]):
         talk.listen()
         with contextlib.suppress(LinkLost, TimeoutError):
             async with asyncio.timeout(_FAREWELL_TIMEOUT_S):
-                await until_lost(talk.link, self._kind.leave(talk))
+                await until_lost(talk.link, self._leave(talk))
 
 
 def _summary(facts: StreamFacts, stream: TurnStream, usual_hz: float) -> str:

@@ -2,14 +2,13 @@
 
 import asyncio
 import time
-from collections.abc import Callable
 from typing import Final
 
 from wallride.drivers.api import Clock, LinkLost, ProtocolError, Reschedule, as_wanted
 from wallride.drivers.turning.conversation import LidarTalk
-from wallride.drivers.turning.driver import TurningLidar
+from wallride.drivers.turning.driver import FAULT_STAYS, TurningLidar
 from wallride.drivers.turning.grid import AskMotion, standing
-from wallride.drivers.turning.replies import SensorInfo, decode_condition, decode_info
+from wallride.drivers.turning.replies import SensorInfo, decode_info
 from wallride.drivers.turning.stream import StreamFacts
 from wallride.drivers.ydlidar import codec
 from wallride.drivers.ydlidar.models import CODES, MODELS, Model
@@ -20,15 +19,15 @@ MOTOR_S: Final = 0.5
 """Time that the motor takes to follow its line."""
 RESET_S: Final = 3.0
 INFO_TIMEOUT_S: Final = 0.6
-STREAM_TIMEOUT_S: Final = 1.5
 LISTEN_S: Final = 2.0
 """Time in which a sensor that never answers has to be heard: its motor starts meanwhile."""
 ENOUGH_PACKETS: Final = 3
-_BROKEN: Final = 2
 
 
 class Ydlidar(TurningLidar):
     """A `Lidar` (see wallride.drivers.api): a YDLIDAR at a serial port, or at a bridge to one."""
+
+    word = "YDLIDAR"
 
     def __init__(
         self,
@@ -38,29 +37,20 @@ class Ydlidar(TurningLidar):
         clear_s: Reschedule = as_wanted,
         motion: AskMotion = standing,
     ) -> None:
-        super().__init__(YdlidarKind(settings), settings, clock=clock, clear_s=clear_s, motion=motion)
-
-
-class YdlidarKind:
-    """What is different in a YDLIDAR; see `Kind` in wallride.drivers.turning.driver."""
-
-    word = "YDLIDAR"
-    dtr = False  # set, the motor turns
-
-    def __init__(self, settings: YdlidarSettings) -> None:
         named = MODELS.get(settings.model)
+        usual = {model.baud for model in MODELS.values() if not model.one_way}
+        bauds = (named.baud,) if named is not None else tuple(sorted(usual))
+        super().__init__(settings, bauds, clock=clock, clear_s=clear_s, motion=motion)
         self._named = named
         self._model = named or MODELS["x4"]
-        usual = dict.fromkeys(model.baud for model in MODELS.values() if not model.one_way)
-        self.bauds = (named.baud,) if named is not None else tuple(sorted(usual))
 
-    async def meet(self, talk: LidarTalk, count: Callable[[str], None]) -> str:
+    async def _greet(self, talk: LidarTalk) -> str:
         """Stop what it does, and ask who it is and how it is; one that never answers is listened to."""
         talk.link.set_data_terminal_ready(False)
         talk.link.write(codec.command(codec.STOP))
         await asyncio.sleep(STOP_S)
         if self._model.one_way:
-            return await self._overhear(talk, count)
+            return await self._overhear(talk)
         await talk.become_quiet()
         reply = await talk.ask_patiently(codec.command(codec.GET_INFO), codec.INFO, tries=2, timeout_s=INFO_TIMEOUT_S)
         info = decode_info(reply.payload)
@@ -69,27 +59,22 @@ class YdlidarKind:
                 f"{talk.link.address}: its identity has {len(reply.payload)} bytes, not 20 (a YDLIDAR?)"
             )
         self._model = self._named_model(talk, info)
-        if await self._is_broken(talk, count):
-            await self._reset(talk, count)
+        if await self._is_broken(talk):
+            await self._reset(talk)
         major, minor = info.firmware
         return f"YDLIDAR {self._model.name}, firmware {major}.{minor}, serial {_digits(info.serial)}"
 
-    async def start(self, talk: LidarTalk, count: Callable[[str], None]) -> StreamFacts:
+    async def _start(self, talk: LidarTalk) -> StreamFacts:
         """Start motor and stream."""
         talk.link.set_data_terminal_ready(True)
-        decoder = codec.PacketDecoder(self._model, count)
+        decoder = codec.PacketDecoder(self._model, self._health.count)
         model = self._model
         if not model.one_way:
             await asyncio.sleep(MOTOR_S)
-            try:
-                await talk.ask(codec.command(codec.SCAN), codec.STREAM, timeout_s=STREAM_TIMEOUT_S)
-            except LinkLost as error:
-                raise LinkLost(
-                    f"{talk.link.address}: it does not start measuring ({talk.heard}; is its supply strong enough?)"
-                ) from error
+            await self._ask_stream(talk, codec.command(codec.SCAN), codec.STREAM)
         return StreamFacts(decoder, model.sample_s, *model.range_m, f"YDLIDAR {model.name}", talk.take_rest())
 
-    async def leave(self, talk: LidarTalk) -> None:
+    async def _leave(self, talk: LidarTalk) -> None:
         """Stop measuring and the motor."""
         talk.link.write(codec.command(codec.STOP))
         talk.link.set_data_terminal_ready(False)
@@ -111,7 +96,7 @@ class YdlidarKind:
             )
         return MODELS[told]
 
-    async def _overhear(self, talk: LidarTalk, count: Callable[[str], None]) -> str:
+    async def _overhear(self, talk: LidarTalk) -> str:
         """Return the identity of a sensor that never answers, once its packets come."""
         decoder = codec.PacketDecoder(self._model, lambda _what: None)
         talk.link.set_data_terminal_ready(True)
@@ -121,38 +106,32 @@ class YdlidarKind:
             if decoder.packets >= ENOUGH_PACKETS:
                 talk.listen()
                 return f"YDLIDAR {self._model.name}, which does not tell its serial number"
-        count("not heard")
+        self._health.count("not heard")
         raise LinkLost(
             f"{talk.link.address}: no scan packet of a {self._model.name} at {self._model.baud} baud"
             " (power? cable? another lidar.model?)"
         )
 
-    async def _is_broken(self, talk: LidarTalk, count: Callable[[str], None]) -> bool:
+    async def _is_broken(self, talk: LidarTalk) -> bool:
         """Ask for its condition, in both ways that the manuals name; no answer is none."""
         for code in (codec.GET_HEALTH, codec.GET_HEALTH_OLD):
             try:
                 reply = await talk.ask(codec.command(code), codec.HEALTH)
             except LinkLost:
                 continue
-            condition = decode_condition(reply.payload)
-            if condition is not None and condition.status:
-                count(f"error {condition.code:#06x}")
-            return condition is not None and condition.status == _BROKEN
-        count("no condition told")
+            return self._tells_fault(reply)
+        self._health.count("no condition told")
         return False
 
-    async def _reset(self, talk: LidarTalk, count: Callable[[str], None]) -> None:
-        count("reset")
+    async def _reset(self, talk: LidarTalk) -> None:
+        self._health.count("reset")
         for code in (codec.RESET, codec.RESET_OLD):
             talk.link.write(codec.command(code))
             await asyncio.sleep(STOP_S)
         await asyncio.sleep(RESET_S)
         await talk.become_quiet()
-        if await self._is_broken(talk, count):
-            raise ProtocolError(
-                f"{talk.link.address}: it reports a fault that a reset does not clear"
-                " (is the head blocked? power-cycle it; else have it repaired)"
-            )
+        if await self._is_broken(talk):
+            raise ProtocolError(f"{talk.link.address}: {FAULT_STAYS}")
 
 
 def _digits(serial: bytes) -> str:
