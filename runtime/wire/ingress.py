@@ -5,7 +5,7 @@ through when the time since the last one that it let through is long enough: an 
 with its first message. A question that is held back has an empty answer at once, and clients ask again (`Bus.ask`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from wallride.runtime.wire import topics
@@ -36,8 +36,8 @@ def downsampling(car: str) -> list[dict[str, Any]]:
     The rule for all other keys is for clients on this machine: no access control holds their wildcards back.
     """
     return [
-        _rates("commands", ["put", "delete"], {topics.key(car, topics.COMMAND): COMMANDS_HZ, "**": COMMANDS_HZ}),
-        _rates("questions", ["query"], {**_questions(car), "**": PIECES_HZ}),
+        rate_rule("commands", ["put", "delete"], {topics.key(car, topics.COMMAND): COMMANDS_HZ, "**": COMMANDS_HZ}),
+        rate_rule("questions", ["query"], {**_questions(car), "**": PIECES_HZ}),
     ]
 
 
@@ -50,7 +50,7 @@ def routed_downsampling(car: str, planners: Sequence[str], share: float) -> list
     """
     commands = {topics.key(car, topics.COMMAND): COMMANDS_HZ * share, **planner_rates(car, planners)}
     questions = {key: rate_hz * share for key, rate_hz in _questions(car).items()}
-    return [_rates("commands", ["put", "delete"], commands), _rates("questions", ["query"], questions)]
+    return [rate_rule("commands", ["put", "delete"], commands), rate_rule("questions", ["query"], questions)]
 
 
 def planner_rates(car: str, planners: Sequence[str]) -> dict[str, float]:
@@ -100,9 +100,10 @@ def low_pass_filter(command_bytes: int = COMMAND_BYTES) -> list[dict[str, Any]]:
     ]
 
 
-def _rates(name: str, messages: list[str], rates: dict[str, float]) -> dict[str, Any]:
-    rules = [{"key_expr": key, "freq": rate_hz} for key, rate_hz in rates.items()]
-    return {"id": name, "flows": ["ingress"], "messages": messages, "rules": rules}
+def rate_rule(name: str, messages: list[str], by_key: Mapping[str, float], flow: str = "ingress") -> dict[str, Any]:
+    """Return the rule of zenoh for the highest rates of messages [1/s], by key."""
+    rules = [{"key_expr": key, "freq": rate_hz} for key, rate_hz in by_key.items()]
+    return {"id": name, "flows": [flow], "messages": messages, "rules": rules}
 
 
 def _size(name: str, messages: list[str], limit: int) -> dict[str, Any]:

@@ -18,10 +18,12 @@ from wallride.runtime.wire.ingress import (
     droppable_answers,
     low_pass_filter,
     planner_rates,
+    rate_rule,
     routed_downsampling,
 )
 from wallride.runtime.wire.teleop import COMMAND_BYTES
 from wallride.runtime.wire.zenoh_config import (
+    ASKS_WHO,
     Grant,
     Person,
     Role,
@@ -42,7 +44,6 @@ VIEWED_SCANS_HZ: Final = 10.0
 VIEWED_HZ: Final = 20.0
 """Rates at which a router passes telemetry on, of scans and of topics that the car sends oftener."""
 FREQUENT: Final = tuple(name for name, topic in topics.TELEMETRY.items() if topic.rate_hz > VIEWED_HZ)
-_ASKS: Final = ("liveliness_query", "declare_liveliness_subscriber")
 
 
 def uplink_config(
@@ -134,7 +135,7 @@ def name_grants(car: str) -> Iterator[Grant]:
     """Yield the car's rights by which it holds its name, or says that another one has it; flows seen from the car."""
     holders, refused = topics.key(car, f"{topics.ALIVE}/*"), topics.key(car, f"{topics.REFUSED}/*")
     yield Grant(Role.CAR, "has-the-name", "egress", ("liveliness_token",), (holders, refused))
-    yield Grant(Role.CAR, "who-has-the-name", "egress", _ASKS, (holders,))
+    yield Grant(Role.CAR, "who-has-the-name", "egress", ASKS_WHO, (holders,))
     yield Grant(Role.CAR, "another-has-it", "ingress", ("liveliness_token",), (holders,))
 
 
@@ -163,7 +164,7 @@ def _watching(car: str) -> Iterator[Grant]:
     """Yield the rights of viewers to see which car has a name, and which one was refused it."""
     asked = tuple(topics.key("*", f"{token}/*") for token in (topics.ALIVE, topics.REFUSED))
     told = tuple(topics.key(car, f"{token}/*") for token in (topics.ALIVE, topics.REFUSED))
-    yield Grant(Role.VIEWER, "whose-name", "ingress", _ASKS, asked)
+    yield Grant(Role.VIEWER, "whose-name", "ingress", ASKS_WHO, asked)
     yield Grant(Role.VIEWER, "the-name", "egress", ("liveliness_token",), told)
 
 
@@ -183,13 +184,4 @@ def _thinned(cars: Sequence[str], planners: Sequence[str], scans_hz: float) -> l
     said = {topics.key(car, topics.COMMAND): COMMANDS_HZ for car in cars}
     said |= {key: rate_hz for car in cars for key, rate_hz in planner_rates(car, planners).items()}
     kinds = (("viewed", "egress", seen), ("commands", "ingress", said))
-    return [
-        {
-            "id": name,
-            "flows": [flow],
-            "messages": ["put"],
-            "rules": [{"key_expr": key, "freq": rate_hz} for key, rate_hz in rates.items()],
-        }
-        for name, flow, rates in kinds
-        if rates
-    ]
+    return [rate_rule(name, ["put"], by_key, flow) for name, flow, by_key in kinds if by_key]

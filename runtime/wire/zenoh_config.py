@@ -50,6 +50,8 @@ EVERY_MESSAGE = [
     "liveliness_query",
     "declare_liveliness_subscriber",
 ]
+ASKS_WHO = ("liveliness_query", "declare_liveliness_subscriber")
+"""Messages that ask for liveliness tokens."""
 
 
 class Role(StrEnum):
@@ -264,26 +266,22 @@ def grants(car: str) -> Iterator[Grant]:
     # A subscription may be wide, because outgoing samples are judged again, by the key they leave with.
     yield Grant(viewer, "wants", "ingress", ("declare_subscriber",), (f"{topics.ROOT}/**",))
     yield Grant(viewer, "telemetry", "egress", ("put",), (topics.key(car, "*"),))
-    asks, cars = ("liveliness_query", "declare_liveliness_subscriber"), (topics.key("*", topics.ALIVE),)
-    yield Grant(viewer, "who-is-there", "ingress", asks, cars)
+    yield Grant(viewer, "who-is-there", "ingress", ASKS_WHO, (topics.key("*", topics.ALIVE),))
     yield Grant(viewer, "car-is-there", "egress", ("liveliness_token",), (topics.key(car, topics.ALIVE),))
-    yield from _questions(viewer, "look", _parameter_keys(car, "list", "get", "history"))
+    yield from _questions(viewer, "look", _keys(car, topics.PARAM, "list", "get", "history"))
 
     command = (topics.key(car, topics.COMMAND),)
     yield Grant(operator, "command", "ingress", ("put",), command)
     yield Grant(operator, "command-heard", "egress", ("declare_subscriber",), command)
     token = (topics.key(car, f"{topics.OPERATOR_ALIVE}/*"),)
     yield Grant(operator, "operator-is-there", "ingress", ("liveliness_token",), token)
-    yield Grant(operator, "who-else-operates", "ingress", asks, token)
+    yield Grant(operator, "who-else-operates", "ingress", ASKS_WHO, token)
     yield Grant(operator, "others-operate", "egress", ("liveliness_token",), token)
-    yield from _questions(operator, "change", _parameter_keys(car, "set", "save", "restart"))
+    yield from _questions(operator, "change", _keys(car, topics.PARAM, "set", "save", "restart"))
 
-    own_parts = (topics.key(car, f"{topics.OWN_PARTS}/show"), topics.key(car, f"{topics.OWN_PARTS}/forget"))
-    yield from _questions(operator, "own-parts", own_parts)
-    yield from _questions(
-        operator, "logs", (topics.key(car, f"{topics.LOGS}/list"), topics.key(car, f"{topics.LOGS}/get"))
-    )
-    yield from _questions(admin, "configure", _parameter_keys(car, "configure"))
+    yield from _questions(operator, "own-parts", _keys(car, topics.OWN_PARTS, "show", "forget"))
+    yield from _questions(operator, "logs", _keys(car, topics.LOGS, "list", "get"))
+    yield from _questions(admin, "configure", _keys(car, topics.PARAM, "configure"))
     yield from _questions(admin, "record", (topics.key(car, topics.RECORD), topics.key(car, f"{topics.LOGS}/trim")))
 
 
@@ -298,19 +296,19 @@ def planner_grants(car: str, name: str, ros: RosAccess | None) -> Iterator[Grant
 
 def ros_grants(ros: RosAccess) -> Iterator[Grant]:
     """Yield the rights with the car's ROS 2 keys: viewers see graph and topics, and cannot invent nodes."""
-    viewer, asks, graph = Role.VIEWER, ("liveliness_query", "declare_liveliness_subscriber"), f"{GRAPH}/{ros.domain}/**"
+    viewer, graph = Role.VIEWER, f"{GRAPH}/{ros.domain}/**"
     yield Grant(viewer, "ros-wants", "ingress", ("declare_subscriber",), (f"{ros.domain}/**",))
     yield Grant(viewer, "ros-topics", "egress", ("put",), ros.published)
-    yield Grant(viewer, "ros-who-is-there", "ingress", asks, (graph,))
+    yield Grant(viewer, "ros-who-is-there", "ingress", ASKS_WHO, (graph,))
     yield Grant(viewer, "ros-car-is-there", "egress", ("liveliness_token",), (graph,))
     caches = tuple(f"{key}/{LATCHED_SUFFIX}" for key in ros.latched)
-    yield Grant(viewer, "ros-late-ask", "ingress", ("query", *asks), caches)
+    yield Grant(viewer, "ros-late-ask", "ingress", ("query", *ASKS_WHO), caches)
     yield Grant(viewer, "ros-late-answer", "egress", ("declare_queryable", "liveliness_token"), caches)
     yield Grant(viewer, "ros-late-message", "egress", ("reply",), ros.latched)  # the cache replies by the topic's key
 
 
-def _parameter_keys(car: str, *verbs: str) -> tuple[str, ...]:
-    return tuple(topics.key(car, f"{topics.PARAM}/{verb}") for verb in verbs)
+def _keys(car: str, service: str, *verbs: str) -> tuple[str, ...]:
+    return tuple(topics.key(car, f"{service}/{verb}") for verb in verbs)
 
 
 def _questions(role: Role, name: str, keys: tuple[str, ...]) -> Iterator[Grant]:
