@@ -4,18 +4,25 @@ A law of wallride is entered once, in `WallFollowSettings` or `SafetySettings`; 
 the first sentence of its settings says what it is.
 """
 
-import functools
 import operator
 from collections.abc import Mapping
+from functools import partial, reduce
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_args
 
-from pydantic import BaseModel, Discriminator, Field, SerializeAsAny, Tag, ValidationInfo, field_validator
+from pydantic import BaseModel, BeforeValidator, Discriminator, Field, Tag
 
 from wallride.runtime.control.corridor_following.corridor_settings import CorridorFollowSettings
 from wallride.runtime.control.line_following.line_settings import LineFollowSettings
 from wallride.runtime.control.own_laws.api import LawSettings
-from wallride.runtime.control.own_laws.law_class import OWN_TAG, checked_name, is_own
-from wallride.runtime.control.own_laws.settings import MAX_BUDGET_S, MIN_BUDGET_S, OwnFollowSettings, own_values
+from wallride.runtime.control.own_laws.law_class import OWN_TAG, is_own
+from wallride.runtime.control.own_laws.settings import (
+    MAX_BUDGET_S,
+    MIN_BUDGET_S,
+    LawName,
+    OwnFollowSettings,
+    OwnValues,
+    own_values,
+)
 from wallride.runtime.control.perception.lidar_health_settings import LidarHealthSettings
 from wallride.runtime.control.report.settings import ReportFollowSettings, ReportSafetySettings
 from wallride.runtime.control.safety.swept_settings import RecoverySettings, SweptSettings
@@ -52,20 +59,10 @@ class SweptSafetySettings(SweptSettings):
 class OwnSafetySettings(SweptSafetySettings):
     """A safety law of the user, beside the swept footprint: of both limits the lower one holds."""
 
-    method: str = OWN_TAG  # type: ignore[assignment] # another name in place of the one literal
+    method: LawName = OWN_TAG  # type: ignore[assignment] # another name in place of the one literal
     budget_s: Annotated[float, Field(ge=MIN_BUDGET_S, le=MAX_BUDGET_S)] = 0.005
     """Time allowed for an answer; three slower ones in a row, or one of 20 times as much, stop the car."""
-    own: Annotated[SerializeAsAny[LawSettings], Field(validate_default=True)] = LawSettings()
-
-    @field_validator("method")
-    @classmethod
-    def _loads(cls, method: str) -> str:
-        return checked_name(method)
-
-    @field_validator("own", mode="before")
-    @classmethod
-    def _own(cls, value: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - whatever stood in the file
-        return own_values("safety", value, info)
+    own: Annotated[OwnValues, BeforeValidator(partial(own_values, "safety"))] = LawSettings()
 
 
 def _method(default: str) -> Discriminator:
@@ -103,7 +100,7 @@ else:
         """Return the union of a section's laws, of which `method` selects one."""
         laws = (*METHODS[section], OWN_METHODS[section])
         tagged = (Annotated[law, Tag(name_of(law))] for law in laws)
-        return Annotated[functools.reduce(operator.or_, tagged), _method(default)]
+        return Annotated[reduce(operator.or_, tagged), _method(default)]
 
     ChosenWallFollow = _chosen("wall_follow", DEFAULT_FOLLOW)
     ChosenSafety = _chosen("safety", DEFAULT_SAFETY)

@@ -1,8 +1,9 @@
 """Settings of the laws of the user: those that the car needs, and below `own` those of the law itself."""
 
+from functools import partial
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, ValidationInfo, field_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, SerializeAsAny, ValidationInfo
 
 from wallride.drivers.section import Section
 from wallride.runtime.control.own_laws.api import LawSettings
@@ -10,6 +11,8 @@ from wallride.runtime.control.own_laws.law_class import OWN_TAG, checked_name, k
 from wallride.runtime.host.user_class import validated
 
 MIN_BUDGET_S, MAX_BUDGET_S = 0.0005, 0.02
+LawName = Annotated[str, AfterValidator(checked_name)]
+OwnValues = Annotated[SerializeAsAny[LawSettings], Field(validate_default=True)]
 
 
 class UnreadSettings(LawSettings):
@@ -33,7 +36,7 @@ def own_values(section: str, value: Any, info: ValidationInfo) -> Any:  # noqa: 
 class OwnFollowSettings(Section):
     """A follower of the user."""
 
-    method: str = OWN_TAG
+    method: LawName = OWN_TAG
     side: Literal["left", "right"] = "left"
     """Side of the followed wall."""
     desired_distance_m: Annotated[float, Field(ge=0.2, le=5)] = 1.0
@@ -44,14 +47,4 @@ class OwnFollowSettings(Section):
     """Time allowed for an answer; three slower ones in a row, or one of 20 times as much, stop the car."""
     expires_after_s: Annotated[float, Field(gt=0, le=0.2)] = 0.15
     """Lifetime of a navigation command, counted from its scan."""
-    own: Annotated[SerializeAsAny[LawSettings], Field(validate_default=True)] = LawSettings()
-
-    @field_validator("method")
-    @classmethod
-    def _loads(cls, method: str) -> str:
-        return checked_name(method)
-
-    @field_validator("own", mode="before")
-    @classmethod
-    def _own(cls, value: Any, info: ValidationInfo) -> Any:  # noqa: ANN401 - whatever stood in the file
-        return own_values("wall_follow", value, info)
+    own: Annotated[OwnValues, BeforeValidator(partial(own_values, "wall_follow"))] = LawSettings()
