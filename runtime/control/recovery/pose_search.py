@@ -11,6 +11,7 @@ import math
 from collections import defaultdict
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -78,8 +79,7 @@ class WayOut:
 NO_WAY = WayOut((), 0j)
 
 
-@dataclass(slots=True, eq=False)
-class _Poses:
+class _Poses(NamedTuple):
     """Poses in the order of discovery; one array each, (n,)."""
 
     place_m: Places
@@ -92,23 +92,11 @@ class _Poses:
 
     def some(self, which: Whole) -> "_Poses":
         """Return some of them."""
-        return _Poses(
-            self.place_m[which], self.heading[which], self.way[which], self.steering[which], self.backed_m[which],
-            self.parent[which],
-        )  # fmt: skip
+        return _Poses._make(each[which] for each in self)
 
 
 def _joined(parts: list[_Poses]) -> _Poses:
-    if len(parts) == 1:
-        return parts[0]
-    return _Poses(
-        np.concatenate([part.place_m for part in parts]),
-        np.concatenate([part.heading for part in parts]),
-        np.concatenate([part.way for part in parts]),
-        np.concatenate([part.steering for part in parts]),
-        np.concatenate([part.backed_m for part in parts]),
-        np.concatenate([part.parent for part in parts]),
-    )
+    return parts[0] if len(parts) == 1 else _Poses._make(map(np.concatenate, zip(*parts, strict=True)))
 
 
 class PoseSearch:
