@@ -1,6 +1,7 @@
 """The operator's side as shown outside: in the status, the log of a race, a page."""
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from enum import StrEnum
 from typing import Any
 
@@ -95,17 +96,4 @@ class OperatorView:
 
     def fields(self) -> dict[str, Any]:
         """Return plain values for the status."""
-        return {
-            "standing": str(self.standing),
-            "operator": self.operator,
-            "session": self.session,
-            "sessions": self.sessions,
-            "accepted": self.accepted,
-            "age_s": self.age_s,
-            "round_trip_s": self.round_trip_s,
-            "reason": self.reason,
-            "permit": self.permit,
-            "permitted": self.permitted,
-            "e_stop": dict(self.e_stop),
-            "refused": dict(self.refused),
-        }
+        return {**asdict(self), "standing": str(self.standing)}
