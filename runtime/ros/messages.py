@@ -66,13 +66,7 @@ def laser_scan(stamp_ns: int, scan: Scan, scan_time_s: float) -> bytes:
     The stamp is the time of the sweep's last byte, by which the laws and the replay count, and time_increment the
     scan's `ray_s`.
     """
-    beams = scan.ranges_m.shape[0]
-    last_rad = scan.angle_min_rad + scan.angle_step_rad * (beams - 1)
-    head = _SCAN.fill(
-        *split_time(stamp_ns), scan.angle_min_rad, last_rad, scan.angle_step_rad,
-        scan.ray_s, scan_time_s, scan.range_min_m, scan.range_max_m, beams,
-    )  # fmt: skip
-    return head + np.ascontiguousarray(scan.ranges_m, "<f4").tobytes() + NO_NUMBERS
+    return _laser_scan(stamp_ns, scan, scan.ranges_m, scan_time_s)
 
 
 def ros_laser_scan(stamp_ns: int, scan: Scan, scan_time_s: float) -> bytes:
@@ -82,12 +76,16 @@ def ros_laser_scan(stamp_ns: int, scan: Scan, scan_time_s: float) -> bytes:
     time to the next, negative for a sensor that is mounted upside down. A beam from which nothing came back is +inf, by
     which maps are cleared, one that is too near -inf; a fault of the measurement is NaN.
     """
-    beams = scan.ranges_m.shape[0]
-    first_ns = stamp_ns - round((beams - 1) * max(scan.ray_s, 0.0) * NS)
+    first_ns = stamp_ns - round((scan.ranges_m.shape[0] - 1) * max(scan.ray_s, 0.0) * NS)
     ranges_m = scan.ranges_m if scan.returns is None else scan.returns.marked_m()
+    return _laser_scan(first_ns, scan, ranges_m, scan_time_s)
+
+
+def _laser_scan(stamp_ns: int, scan: Scan, ranges_m: npt.NDArray[np.float32], scan_time_s: float) -> bytes:
+    beams = scan.ranges_m.shape[0]
     last_rad = scan.angle_min_rad + scan.angle_step_rad * (beams - 1)
     head = _SCAN.fill(
-        *split_time(first_ns), scan.angle_min_rad, last_rad, scan.angle_step_rad,
+        *split_time(stamp_ns), scan.angle_min_rad, last_rad, scan.angle_step_rad,
         scan.ray_s, scan_time_s, scan.range_min_m, scan.range_max_m, beams,
     )  # fmt: skip
     return head + np.ascontiguousarray(ranges_m, "<f4").tobytes() + NO_NUMBERS

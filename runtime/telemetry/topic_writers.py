@@ -47,8 +47,8 @@ def laser_frame(car: CarSettings) -> Frame:
 class TopicWriters:
     """Writes a topic on demand.
 
-    wall_clock: for the headers' stamps. side: of the followed wall. ball_m: places of
-    the follower's ball, (2, k), base_link, None where it has none.
+    wall_clock: for the headers' stamps. side: of the followed wall. ball_m: places of the follower's ball, (2, k),
+    base_link, None where it has none.
     """
 
     def __init__(
@@ -66,13 +66,13 @@ class TopicWriters:
         self._car = car
         self._newest = newest
         self._journey = journey
-        self._unix_ns = wall_clock.unix_ns
+        self.unix_ns = wall_clock.unix_ns
         self._side = side
         self._ball_m = ball_m
         self._laser = laser_frame(car)
         self._writers: Mapping[str, Callable[[], Message | None]] = {
-            topics.SCAN: self._scan,
-            SCAN_BY_BEAM: self._scan_by_beam,
+            topics.SCAN: lambda: self._scan(messages.laser_scan),
+            SCAN_BY_BEAM: lambda: self._scan(messages.ros_laser_scan),
             topics.WALL: self._wall,
             topics.FOOTPRINT: self._footprint,
             topics.SAFETY: self._safety,
@@ -119,21 +119,11 @@ class TopicWriters:
         """Return `decision` for a decision that need not be the newest."""
         return output.stamp_s, topics.encode(car_status.decision(self._observed, output))
 
-    def unix_ns(self, stamp_s: float) -> int:
-        """Return the time since 1970 of a time on the monotonic clock."""
-        return self._unix_ns(stamp_s)
-
-    def _scan(self) -> Message | None:
+    def _scan(self, written: Callable[[int, Scan, float], bytes]) -> Message | None:
         scan = self._newest.scan
         if scan is None:
             return None
-        return scan.stamp_s, messages.laser_scan(self.unix_ns(scan.stamp_s), scan, self._newest.scan_period_s)
-
-    def _scan_by_beam(self) -> Message | None:
-        scan = self._newest.scan
-        if scan is None:
-            return None
-        return scan.stamp_s, messages.ros_laser_scan(self.unix_ns(scan.stamp_s), scan, self._newest.scan_period_s)
+        return scan.stamp_s, written(self.unix_ns(scan.stamp_s), scan, self._newest.scan_period_s)
 
     def _wall(self) -> Message | None:
         if self._newest.guided is None:
