@@ -8,7 +8,7 @@ import gc
 import math
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import accumulate
 from typing import Any, Literal
 
@@ -22,8 +22,6 @@ _OCTAVES = 32
 SUMMED_EVERY_S = 1.0
 MAX_UNCOUNTED = 256
 """Maximum number of waiting durations: a second of ticks without a scan; beyond it the oldest are lost."""
-STAGES = ("read", "decode", "safety", "follow", "mux", "write")
-"""Stages in the order of a scan's path; the rest of `scan_to_motor` is the loop's own time."""
 
 
 class Histogram:
@@ -156,20 +154,17 @@ class StageTimer:
         return lines
 
     def _named(self) -> list[tuple[str, Histogram]]:
-        stages: Mapping[str, Histogram] = {
-            "read": self.read,
-            "decode": self.decode,
-            "safety": self.safety.histogram,
-            "follow": self.follow.histogram,
-            "mux": self.mux.histogram,
-            "write": self.write.histogram,
-        }
-        collections = [(f"gc{generation}", pauses) for generation, pauses in enumerate(self.collections)]
+        """Return the stages in the order of a scan's path, then that whole path: its rest is the loop's own time."""
         return [
-            *((name, stages[name]) for name in STAGES),
+            ("read", self.read),
+            ("decode", self.decode),
+            ("safety", self.safety.histogram),
+            ("follow", self.follow.histogram),
+            ("mux", self.mux.histogram),
+            ("write", self.write.histogram),
             ("scan_to_motor", self.scan_to_motor),
             ("loop_lag", self.loop_lag),
-            *collections,
+            *((f"gc{generation}", pauses) for generation, pauses in enumerate(self.collections)),
         ]
 
     def _on_collection(self, phase: Literal["start", "stop"], info: dict[str, int]) -> None:
