@@ -87,8 +87,7 @@ class ZenohSink:
 
     def __init__(self, bus: Publisher, car: str, rates: RatesHz) -> None:
         self._bus = bus
-        self._car = car
-        self._names: dict[str, tuple[str, str]] = {}
+        self._names = {topic: (topics.key(car, topic), encoding(topic)) for topic in topics.TELEMETRY}
         self._gate = TopicGate(self._is_wanted)
         self.claim = self._gate.claim
         self.limit(rates)
@@ -99,15 +98,9 @@ class ZenohSink:
 
     def take(self, topic: str, schema: str, stamp_s: float, payload: bytes) -> None:  # noqa: ARG002 - both are in the payload
         """Send it; a slow or vanished reader loses it."""
-        key, kind = self._name(topic)
+        key, kind = self._names[topic]
         self._bus.put(key, payload, encoding=kind)
 
     def _is_wanted(self, topic: str) -> bool:
-        key, kind = self._name(topic)
+        key, kind = self._names[topic]
         return self._bus.wanted(key, encoding=kind)
-
-    def _name(self, topic: str) -> tuple[str, str]:
-        name = self._names.get(topic)
-        if name is None:
-            name = self._names[topic] = (topics.key(self._car, topic), encoding(topic))
-        return name
