@@ -188,18 +188,13 @@ def decode_values_2x(payload: bytes) -> Values | None:
 
 @value()
 class Imu:
-    """Reply to GET_IMU_DATA in SI units and the VESC's own axes; NaN where it was not requested.
+    """Reply to GET_IMU_DATA, as far as a car reads it, in the VESC's own axes; NaN where it was not requested.
 
-    attitude_rad: roll, pitch, yaw of the VESC's own filter. quaternion: w, x, y, z. A VESC without an IMU answers too,
-        all zeros: acceleration under 2 m/s2 for a second means there is none.
+    A VESC without an IMU answers too, all zeros: acceleration under 2 m/s2 for a second means there is none.
     """
 
-    attitude_rad: tuple[float, ...]
     acceleration_mps2: tuple[float, ...]
     rate_radps: tuple[float, ...]
-    magnetic_ut: tuple[float, ...]
-    quaternion: tuple[float, ...]
-    controller_id: int | None
 
 
 def decode_imu(payload: bytes) -> Imu | None:
@@ -213,10 +208,6 @@ def decode_imu(payload: bytes) -> Imu | None:
     sent = iter(struct.unpack(f">{mask.bit_count()}f", payload[3:end]))
     all16 = [next(sent) if mask >> bit & 1 else math.nan for bit in range(16)]
     return Imu(
-        attitude_rad=tuple(all16[:3]),
         acceleration_mps2=tuple(value * STANDARD_GRAVITY_MPS2 for value in all16[3:6]),
         rate_radps=tuple(math.radians(value) for value in all16[6:9]),
-        magnetic_ut=tuple(all16[9:12]),
-        quaternion=tuple(all16[12:]),
-        controller_id=payload[end] if len(payload) > end else None,
     )
