@@ -7,6 +7,7 @@ serial:///dev/wallride-lidar?baud=115200
 from dataclasses import dataclass
 from urllib.parse import parse_qs, urlsplit
 
+_LOOPBACK = frozenset({"127.0.0.1", "::1"})
 _USUAL_FORMS = "write tcp://HOST:PORT or serial:///dev/NAME?baud=115200"
 
 
@@ -43,6 +44,17 @@ def parse_address(text: str) -> Address:
     if parts.scheme == "serial":
         return _parse_serial(text)
     raise ValueError(f"{text!r} is not an address: {_USUAL_FORMS}")
+
+
+def at_hand(text: str, remedy: str = "") -> str:
+    """Return the address of a motor: a serial port, or a TCP port of this same computer, as of a bridge or an emulator.
+
+    ValueError, with the remedy, for another computer: brakes go over no network.
+    """
+    address = parse_address(text)
+    if isinstance(address, TcpAddress) and address.host not in _LOOPBACK:
+        raise ValueError(f"{text!r} is another computer, and a brake must not depend on a network{remedy}")
+    return text
 
 
 def _parse_tcp(text: str) -> TcpAddress:

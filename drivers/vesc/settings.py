@@ -1,13 +1,15 @@
 """Settings of a VESC; the defaults are those of the stock F1TENTH and MIT cars."""
 
+from functools import partial
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
-from wallride.drivers.address import TcpAddress, parse_address
+from wallride.drivers.address import at_hand
 from wallride.drivers.section import Section
 
-LOOPBACK = frozenset({"127.0.0.1", "::1"})
+BY_CABLE = ": write serial:///dev/NAME (or tcp://127.0.0.1:PORT for a bridge on this computer)"
+"""What to write in place of another computer's address."""
 MISSED_POLLS_MIN = 3
 """Minimum number of missed polls before a link counts as lost."""
 
@@ -21,7 +23,9 @@ class VescSettings(Section):
 
     driver: Annotated[Literal["vesc"], Field(description="Type of the motor controller.")] = "vesc"
     address: Annotated[
-        str, Field(description="Serial port by its udev name, which is stable; ttyACM numbers are not.")
+        str,
+        AfterValidator(partial(at_hand, remedy=BY_CABLE)),
+        Field(description="Serial port by its udev name, which is stable; ttyACM numbers are not."),
     ] = "serial:///dev/wallride-vesc"
     speed_to_erpm_gain: Annotated[
         float,
@@ -69,22 +73,6 @@ class VescSettings(Section):
     imu: Annotated[
         bool, Field(description="Read the inertial sensor as well, for telemetry and the heading of `odom`.")
     ] = True
-
-    @field_validator("address")
-    @classmethod
-    def _is_at_hand(cls, text: str) -> str:
-        """Accept a serial port, or a TCP port of this same computer: a bridge, an emulator.
-
-        Brakes go over no network.
-        """
-        match parse_address(text):
-            case TcpAddress(host=host) if host not in LOOPBACK:
-                raise ValueError(
-                    f"{text!r} is another computer, and a brake must not depend on a network:"
-                    " write serial:///dev/NAME (or tcp://127.0.0.1:PORT for a bridge on this computer)"
-                )
-            case _:
-                return text
 
     @property
     def servo_ends_rad(self) -> tuple[float, float]:
