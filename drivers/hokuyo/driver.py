@@ -190,10 +190,7 @@ class Hokuyo(ConnectedLidar[Conversation]):
         talk.listen()
         # A link that is already lost takes no command; on any other the write in ask() sends it at once.
         with contextlib.suppress(LinkLost):
-            await until_lost(talk.link, self._farewell(talk))
-
-    async def _farewell(self, talk: Conversation) -> None:
-        await talk.ask(command("QT"), timeout_s=_FAREWELL_TIMEOUT_S)
+            await until_lost(talk.link, talk.ask(command("QT"), timeout_s=_FAREWELL_TIMEOUT_S))
 
     def _on_bad_block(self, what: str) -> None:
         next(self._numbers)

@@ -118,7 +118,8 @@ class VescMonitor:
             return False
         self.refused_mps, self.blind = None, False
         self._watch_battery(values.voltage_v, stamp_s)
-        self._compare(speed_mps, self._count_steps(values, stamp_s), stamp_s)
+        if wrong := self._check.judge(speed_mps, self._count_steps(values, stamp_s), stamp_s):
+            self.latch(wrong)
         status = values.status or 0
         self.state = MotorState(
             stamp_s=stamp_s,
@@ -178,10 +179,6 @@ class VescMonitor:
         if tachometer.contradictions != contradictions:
             self._health.count("bad_counter")
         return (tachometer.steps - steps) * self._calibration.metres_per_step
-
-    def _compare(self, speed_mps: float, step_m: float, stamp_s: float) -> None:
-        if wrong := self._check.judge(speed_mps, step_m, stamp_s):
-            self.latch(wrong)
 
     def _watch_battery(self, voltage_v: float, stamp_s: float) -> None:
         if voltage_v >= self._min_voltage_v:
