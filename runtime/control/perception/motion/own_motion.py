@@ -6,6 +6,8 @@ as much. Each scan's place is predicted from the last one, which its own scan ha
 
 import cmath
 import math
+from collections.abc import Callable
+from functools import cache, partial
 from typing import Final, NamedTuple
 
 from wallride.drivers.api import MotorState
@@ -89,9 +91,9 @@ class MatchedOdometry:
         self._sure = False
         self._key: tuple[Surfaces, ScanPose, float] | None = None
 
-    def later(self, stamp_s: float, motor: MotorState | None) -> "ToldLater":
-        """Return what tells the motion to this scan when it is asked; to be asked before `learn`."""
-        return ToldLater(self, stamp_s, motor)
+    def later(self, stamp_s: float, motor: MotorState | None) -> Callable[[], OwnMotion]:
+        """Return what tells the motion to this scan, computed once, when it is asked first: before `learn`."""
+        return cache(partial(self.look, stamp_s, motor))
 
     def look(self, stamp_s: float, motor: MotorState | None) -> OwnMotion:
         """Return the motion to this scan."""
@@ -177,21 +179,3 @@ class MatchedOdometry:
         moved = self._here.pose.seen_from(key_pose)
         near = abs(moved.at_m) < most_m and abs(math.remainder(moved.yaw_rad, math.tau)) < most_rad
         return near and 0.0 <= self._here.stamp_s - key_s < KEYFRAME_S
-
-
-class ToldLater:
-    """The motion to one scan, computed once, when it is first asked for."""
-
-    __slots__ = ("_motion", "_motor", "_odometry", "_stamp_s")
-
-    def __init__(self, odometry: MatchedOdometry, stamp_s: float, motor: MotorState | None) -> None:
-        self._odometry = odometry
-        self._stamp_s = stamp_s
-        self._motor = motor
-        self._motion: OwnMotion | None = None
-
-    def __call__(self) -> OwnMotion:
-        """Return it."""
-        if self._motion is None:
-            self._motion = self._odometry.look(self._stamp_s, self._motor)
-        return self._motion
