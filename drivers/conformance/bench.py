@@ -114,36 +114,23 @@ class MotorBench(DeviceBench, Protocol):
         """Return the speed that it drives at now, None for a brake: its command timeout has acted where it is due."""
 
 
-class EmulatorBench:
+class EmulatorBench(EmulatorPort):
     """A driver's class and an emulator behind a port on loopback; a `LidarBench` or a `MotorBench`.
 
     The address is in the driver's setting `address`; settings: others.
     """
 
     def __init__(self, driver: type[Any], emulator: Any, **settings: object) -> None:  # noqa: ANN401 - either kind
+        super().__init__(emulator.feed)
         self.emulator = emulator
         self._driver, self._settings = driver, settings
         self.has_no_timeout = getattr(emulator, "has_no_timeout", False)
-        self._port = EmulatorPort(emulator.feed)
         self._due_s = -math.inf
         self._distance_m, self._stepped_s = 0.0, now_s()
-        self.start, self.close = self._port.start, self._port.unplug
-        self.unplug, self.replug = self._port.unplug, self._port.replug
-        self.send, self.hold, self.release = self._port.send, self._port.hold, self._port.release
 
-    @property
-    def silence(self) -> bool:
-        """Whether nothing passes."""
-        return self._port.silence
-
-    @silence.setter
-    def silence(self, on: bool) -> None:
-        self._port.silence = on
-
-    @property
-    def connected(self) -> bool:
-        """Whether a driver is connected."""
-        return self._port.connected
+    async def close(self) -> None:
+        """Unplug it for good."""
+        await self.unplug()
 
     @property
     def commanded(self) -> tuple[float | None, float, int]:
@@ -159,7 +146,7 @@ class EmulatorBench:
     def driver(self) -> Any:  # noqa: ANN401 - the user's
         """Return a new driver."""
         model: Any = getattr(self._driver, "Settings", DriverSettings)
-        return self._driver(model(address=self._port.address, **self._settings), now_s)
+        return self._driver(model(address=self.address, **self._settings), now_s)
 
     def step(self, now_s: float) -> None:
         """Let it send what is due."""
