@@ -34,7 +34,8 @@ TalkT = TypeVar("TalkT", bound=Talk)
 class ConnectedLidar(ABC, Generic[TalkT]):
     """A `Lidar` (see wallride.drivers.api) but for its protocol.
 
-    bauds: usual speeds of a serial line, the likeliest first. dtr: state of that line at the opening of the port.
+    health: its present condition. bauds: usual speeds of a serial line, the likeliest first. dtr: state of that line at
+    the opening of the port.
     clear_s: moves the checks of the stream to a better moment.
     """
 
@@ -54,10 +55,10 @@ class ConnectedLidar(ABC, Generic[TalkT]):
         self._clock = clock
         self._clear_s = clear_s
         self._dtr = dtr
-        self._health = Health()
+        self.health = Health()
         self._address = parse_address(settings.address)
         self._speed_known = "baud=" in settings.address
-        self._logged = self._health.link
+        self._logged = self.health.link
         self._failures = 0
         self._talk: TalkT | None = None
         self.tap: Tap | None = None
@@ -76,7 +77,7 @@ class ConnectedLidar(ABC, Generic[TalkT]):
 
     async def _who(self, talk: TalkT) -> str:  # noqa: ARG002 - some have to ask once more
         """Return the identity of the sensor just met."""
-        return self._health.identity
+        return self.health.identity
 
     async def identify(self) -> tuple[Address, str]:
         """Meet the sensor once; return where it answered, and its identity. It is left quiet, the port closed.
@@ -89,11 +90,6 @@ class ConnectedLidar(ABC, Generic[TalkT]):
         finally:
             await self._say_goodbye(talk)
             talk.link.close()
-
-    @property
-    def health(self) -> Health:
-        """Its present condition."""
-        return self._health
 
     @property
     def reading_s(self) -> float:
@@ -110,7 +106,7 @@ class ConnectedLidar(ABC, Generic[TalkT]):
             delay_s = RETRY_DELAYS_S[min(self._failures, len(RETRY_DELAYS_S) - 1)]
             self._failures += 1
             await asyncio.sleep(delay_s)
-            self._health.count("reconnect")
+            self.health.count("reconnect")
 
     async def _serve(self, on_scan: Callable[[Scan], None]) -> Never:
         """Use one connection until it is lost."""
@@ -162,18 +158,18 @@ class ConnectedLidar(ABC, Generic[TalkT]):
         return next_s
 
     def _note(self, identity: str) -> None:
-        if self._health.identity not in {"", identity}:
-            self._health.count("another sensor")
-        self._health.identity = identity
+        if self.health.identity not in {"", identity}:
+            self.health.count("another sensor")
+        self.health.identity = identity
 
     def _say(self, link: LinkState, message: str) -> None:
-        self._health.link = link
-        self._health.message = message
+        self.health.link = link
+        self.health.message = message
         self._log_changes()
 
     def _log_changes(self) -> None:
         """Log each change of state once; READY is set by the stream, which must not log."""
-        if self._health.link is not self._logged:
-            self._logged = self._health.link
+        if self.health.link is not self._logged:
+            self._logged = self.health.link
             level = logging.INFO if self._logged in {LinkState.READY, LinkState.STARTING} else logging.WARNING
-            _log.log(level, "lidar %s: %s", self._logged, self._health.message)
+            _log.log(level, "lidar %s: %s", self._logged, self.health.message)

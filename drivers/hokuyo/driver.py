@@ -40,7 +40,7 @@ class Hokuyo(ConnectedLidar[Conversation]):
         super().__init__(settings, USUAL_BAUDS, clock, clear_s)
         self._settings = settings
         self._numbers = itertools.count()
-        self._gate = StampGate(settings.stale_after_s, self._health.count)
+        self._gate = StampGate(settings.stale_after_s, self.health.count)
         self._last_reset_s: float | None = None
         self._last_reboot_s: float | None = None
         self._has_streamed = False
@@ -71,7 +71,7 @@ class Hokuyo(ConnectedLidar[Conversation]):
                 await self._recover(talk, why)
             elif stream.delivered_s is None:
                 raise LinkLost(f"{talk.link.address}: {why}")
-            self._health.count("restart")
+            self.health.count("restart")
             await quieten(talk)
 
     async def _start_stream(
@@ -83,7 +83,7 @@ class Hokuyo(ConnectedLidar[Conversation]):
             talk,
             identity,
             self._gate,
-            self._health,
+            self.health,
             self._numbers,
             on_scan,
             settings=self._settings,
@@ -130,8 +130,8 @@ class Hokuyo(ConnectedLidar[Conversation]):
                     self._say(
                         LinkState.FAULTY, f"{model}: no scan for {age_s:.1f} s{self._lateness or ' (cable, power?)'}"
                     )
-                elif self._health.link is LinkState.READY:
-                    self._health.message = identity.summary + self._untimed + self._lateness
+                elif self.health.link is LinkState.READY:
+                    self.health.message = identity.summary + self._untimed + self._lateness
             elif stream.heard_s is not None and self._lateness:
                 self._say(LinkState.FAULTY, f"{model}: no usable scan{self._lateness}")
         return f"the sensor is in trouble, status {stream.trouble} (if it stays so, power-cycle it)"
@@ -178,7 +178,7 @@ class Hokuyo(ConnectedLidar[Conversation]):
                 return
         if self._last_reboot_s is None or now_s - self._last_reboot_s > REBOOT_PAUSE_S:
             self._last_reboot_s = now_s
-            self._health.count("reboot")
+            self.health.count("reboot")
             with contextlib.suppress(LinkLost):  # it may go down before its second reply is sent
                 await talk.ask(command("RB"))
                 await talk.ask(command("RB"))
@@ -194,4 +194,4 @@ class Hokuyo(ConnectedLidar[Conversation]):
 
     def _on_bad_block(self, what: str) -> None:
         next(self._numbers)
-        self._health.count(what)
+        self.health.count(what)

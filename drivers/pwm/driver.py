@@ -48,18 +48,19 @@ class PwmMotor(ABC):
     """A `Motor` (see wallride.drivers.api) but for its board.
 
     A stop brakes while the ESC would brake and is neutral afterwards: see `Throttle`. The last pulses of a connection
-    are a stop. words: what bounds the speed, for the car's status. Counted in `health`: bad_command, fault, lost,
-    reconnect.
+    are a stop. health: its condition, FAULTY while a fault is latched. state: the newest report, whose speed is an
+    estimate, None while disconnected. words: what bounds the speed, for the car's status. Counted in `health`:
+    bad_command, fault, lost, reconnect.
     """
 
     def __init__(self, settings: PwmSettings, *, clock: Clock = time.monotonic) -> None:
         self._settings, self._clock = settings, clock
-        self._health = Health()
+        self.health = Health()
         self._throttle, self._loop = Throttle(settings), SpeedLoop(settings)
         self._port: PulsePort | None = None
         self._ready = False
         self._broken: DriverError | None = None
-        self._state: MotorState | None = None
+        self.state: MotorState | None = None
         self._distance_m = self._steering_rad = 0.0
         self._latched, self._contradicts = "", False
         self._failures = 0
@@ -69,16 +70,6 @@ class PwmMotor(ABC):
     @abstractmethod
     async def open_port(self) -> PulsePort:
         """Open the board and set it up, neither pulse changed yet; DriverError with the usual remedy."""
-
-    @property
-    def health(self) -> Health:
-        """Its present condition; FAULTY while a fault is latched."""
-        return self._health
-
-    @property
-    def state(self) -> MotorState | None:
-        """The newest report, None while disconnected. Its speed is an estimate."""
-        return self._state
 
     @property
     def max_speed_mps(self) -> float:
@@ -109,8 +100,8 @@ class PwmMotor(ABC):
             try:
                 await self._serve()
             except DriverError as error:
-                self._health.link = LinkState.FAULTY if isinstance(error, ProtocolError) else LinkState.ABSENT
-                self._health.message = str(error)
+                self.health.link = LinkState.FAULTY if isinstance(error, ProtocolError) else LinkState.ABSENT
+                self.health.message = str(error)
             pause_s = REOPEN_AFTER_S[min(self._failures, len(REOPEN_AFTER_S) - 1)]
             self._failures += 1
             await asyncio.sleep(pause_s)
@@ -130,9 +121,9 @@ class PwmMotor(ABC):
         try:
             port.write(steering_us(self._settings, self._steering_rad), throttle_us)
         except DriverError as error:
-            self._broken, self._ready, self._state = error, False, None
-            self._health.count("lost")
-            self._health.link, self._health.message = LinkState.ABSENT, str(error)
+            self._broken, self._ready, self.state = error, False, None
+            self.health.count("lost")
+            self.health.link, self.health.message = LinkState.ABSENT, str(error)
             return False
         self._report(now_s)
         return True
@@ -156,7 +147,7 @@ class PwmMotor(ABC):
         """Latch a fault; no effect where one is latched."""
         if not self._latched:
             self._latched, self._contradicts = words, True
-            self._health.count("fault")
+            self.health.count("fault")
             self._tell()
 
     def retry_fault(self) -> None:
@@ -172,7 +163,7 @@ class PwmMotor(ABC):
         """Return the speed that may be driven now, 0 for a stop."""
         self.braked_instead = False
         if not math.isfinite(drive.speed_mps + drive.steering_rad) or math.isnan(drive.brake_mps2):
-            self._health.count("bad_command")
+            self.health.count("bad_command")
             self.braked_instead = True
             return 0.0
         if abs(drive.speed_mps) < self._settings.min_speed_mps:
@@ -187,8 +178,8 @@ class PwmMotor(ABC):
         self._port = port = await self.open_port()
         try:
             self._broken = None
-            self._health.link = LinkState.STARTING
-            self._health.message = f"{port.identity}: neutral for {self._settings.arming_s:g} s, until its ESC is armed"
+            self.health.link = LinkState.STARTING
+            self.health.message = f"{port.identity}: neutral for {self._settings.arming_s:g} s, until its ESC is armed"
             await self._arm(port)
             self._begin(port)
             while True:
@@ -213,9 +204,9 @@ class PwmMotor(ABC):
             await port.check()
 
     def _begin(self, port: PulsePort) -> None:
-        if self._health.identity:
-            self._health.count("reconnect")
-        self._health.identity = port.identity
+        if self.health.identity:
+            self.health.count("reconnect")
+        self.health.identity = port.identity
         self._loop.forget(self._clock())
         self._ready, self._failures = True, 0
         self._report(self._clock())
@@ -223,10 +214,10 @@ class PwmMotor(ABC):
     def _hang_up(self, port: PulsePort) -> None:
         """Close the connection with a stop as the last pulses."""
         if self._ready:
-            self._health.count("lost")
-        self._ready, self._state = False, None
-        self._health.link, self._health.message = LinkState.ABSENT, f"{port.identity}: closed"
-        self._health.trouble = ""
+            self.health.count("lost")
+        self._ready, self.state = False, None
+        self.health.link, self.health.message = LinkState.ABSENT, f"{port.identity}: closed"
+        self.health.trouble = ""
         with contextlib.suppress(LinkLost):
             port.write(steering_us(self._settings, self._steering_rad), self._throttle.last_us())
         self._port = None
@@ -237,16 +228,16 @@ class PwmMotor(ABC):
             return
         self._loop.advance(now_s)
         speed_mps = self._loop.speed_mps
-        if self._state is not None:
-            self._distance_m += speed_mps * max(now_s - self._state.stamp_s, 0.0)
-        self._state = MotorState(
+        if self.state is not None:
+            self._distance_m += speed_mps * max(now_s - self.state.stamp_s, 0.0)
+        self.state = MotorState(
             now_s, speed_mps, self._distance_m, self._steering_rad, fault=self._latched,
             timed_out=self._port.timed_out,
         )  # fmt: skip
         self._tell()
 
     def _tell(self) -> None:
-        health = self._health
+        health = self.health
         if not self._ready:
             return
         health.link, health.trouble = (LinkState.FAULTY if self._latched else LinkState.READY), self._latched

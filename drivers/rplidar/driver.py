@@ -67,7 +67,7 @@ class Rplidar(TurningLidar):
             )
         self._info = info
         if await self._is_protected(talk):
-            self._health.count("reset")
+            self.health.count("reset")
             talk.link.write(codec.command(codec.RESET))
             await asyncio.sleep(RESET_S)
             await self._stop(talk)
@@ -105,8 +105,8 @@ class Rplidar(TurningLidar):
         return self._tells_fault(await talk.ask_patiently(codec.command(codec.GET_HEALTH), codec.HEALTH, tries=2))
 
     def _decoder(self, mode: Mode) -> SampleDecoder:
-        decoder = capsules.decoder_for(mode.kind, self._health.count)
-        return codec.PlainDecoder(self._health.count) if decoder is None else decoder
+        decoder = capsules.decoder_for(mode.kind, self.health.count)
+        return codec.PlainDecoder(self.health.count) if decoder is None else decoder
 
     async def _mode(self, talk: LidarTalk) -> Mode:
         """Return the stream to use, as far as the sensor tells its configuration."""

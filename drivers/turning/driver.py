@@ -83,7 +83,7 @@ class TurningLidar(ConnectedLidar[LidarTalk]):
         """Return whether a sensor reports a fault of itself; an error is counted."""
         condition = decode_condition(reply.payload)
         if condition is not None and condition.status:
-            self._health.count(f"error {condition.code:#06x}")
+            self.health.count(f"error {condition.code:#06x}")
         return condition is not None and condition.status == _FAULT
 
     async def _meet(self, link: ByteLink) -> LidarTalk:
@@ -97,7 +97,7 @@ class TurningLidar(ConnectedLidar[LidarTalk]):
             facts = await self._start(talk)
             link_s = talk.quickest_s if PROMPT_LINK_S < talk.quickest_s < math.inf else 0.0
             turning = Turning(self._mount, self._settings.stale_after_s, link_s, self._motion)
-            stream = TurnStream(facts, turning, self._health, self._numbers.__next__, on_scan)
+            stream = TurnStream(facts, turning, self.health, self._numbers.__next__, on_scan)
             started_s = self._clock()
             talk.link.listen(stream.on_bytes)
             stream.on_bytes(facts.rest, started_s)
@@ -106,7 +106,7 @@ class TurningLidar(ConnectedLidar[LidarTalk]):
             self._say(LinkState.FAULTY, f"{talk.link.address}: {why}")
             if stream.delivered_s is None:
                 raise LinkLost(f"{talk.link.address}: {why}")
-            self._health.count("restart")
+            self.health.count("restart")
             self._note(await self._greet(talk))
 
     async def _watch(self, stream: TurnStream, facts: StreamFacts, started_s: float) -> str:
@@ -128,8 +128,8 @@ class TurningLidar(ConnectedLidar[LidarTalk]):
                 self._say(LinkState.FAULTY, f"{self.word}: it repeats one turn: power-cycle it, check its cable")
             elif age_s > self._settings.degraded_after_s:
                 self._say(LinkState.FAULTY, f"{self.word}: no scan for {age_s:.1f} s (cable, power, motor?)")
-            elif self._health.link is LinkState.READY:
-                self._health.message = _summary(facts, stream, usual_hz)
+            elif self.health.link is LinkState.READY:
+                self.health.message = _summary(facts, stream, usual_hz)
 
     def _why_restart(self, stream: TurnStream, now_s: float, started_s: float) -> str:
         silent_s = self._settings.silent_after_s

@@ -62,7 +62,9 @@ class Vesc:
     every command is carried out as a brake: the VESC alone would obey again after half a second.
 
     clear_s: moves the polling to a better moment. replied: called with the duration of every reply, after it is
-        processed. firmware: of the controller that answered last.
+        processed. firmware: of the controller that answered last. health: its condition, FAULTY while a fault is
+        latched or there is no battery, and then it brakes or coasts. braked_instead: whether the last command was a
+        brake in place of a speed that the VESC can hold.
 
     A reply with an implausible speed is refused: meanwhile the driver brakes, and lost_after_s later the link counts as
     lost. Command, speed and counters that contradict each other are a latched fault (`cross_check`).
@@ -85,14 +87,14 @@ class Vesc:
         self._replied = replied
         self._address = parse_address(settings.address)
         self._calibration = Calibration(settings)
-        self._health = Health()
-        self._condition = VescMonitor(self._calibration, settings.min_voltage_v, self._health)
+        self.health = Health()
+        self._condition = VescMonitor(self._calibration, settings.min_voltage_v, self.health)
         self.inertia = Inertia(wanted=settings.imu)
         self.firmware: replies.Firmware | None = None
         self._link: ByteLink | None = None
         self._ready: ByteLink | None = None  # the same link, from the first report on: it takes commands
         self._steering_rad = 0.0
-        self._braked_instead = False
+        self.braked_instead = False
         self._reopen_step = 0
         self.tap: Tap | None = None
         self._begin_session()
@@ -106,22 +108,9 @@ class Vesc:
         self._heard_s = self._replied_s = self._asked_s = self._next_poll_s = self._clock()
 
     @property
-    def health(self) -> Health:
-        """Its present condition.
-
-        FAULTY while a fault is latched or there is no battery, and then it brakes or coasts.
-        """
-        return self._health
-
-    @property
     def state(self) -> MotorState | None:
         """The newest report, or None while disconnected or before the first."""
         return self._condition.state
-
-    @property
-    def braked_instead(self) -> bool:
-        """Whether the last command was a brake in place of a speed that the VESC can hold."""
-        return self._braked_instead
 
     def send(self, drive: Drive) -> bool:
         """Write motor command and servo position at once, in one write; False when the VESC is not connected.
@@ -170,7 +159,7 @@ class Vesc:
             try:
                 await self._connect_and_poll()
             except (LinkLost, ProtocolError) as error:
-                self._health.message = str(error)
+                self.health.message = str(error)
             await asyncio.sleep(REOPEN_AFTER_S[self._reopen_step])
             self._reopen_step = min(self._reopen_step + 1, len(REOPEN_AFTER_S) - 1)
 
@@ -179,14 +168,14 @@ class Vesc:
         try:
             steering_rad = calibration.allowed_steering_rad(drive.steering_rad)
             is_stop = calibration.is_stop(drive.speed_mps)
-            self._braked_instead = not is_stop and self._must_brake(drive.speed_mps)
-            if is_stop or self._braked_instead:
+            self.braked_instead = not is_stop and self._must_brake(drive.speed_mps)
+            if is_stop or self.braked_instead:
                 motor = calibration.brake_frame(drive.brake_mps2)
             else:
                 motor = calibration.speed_frame(drive.speed_mps)
         except ValueError:
-            self._health.count("bad_command")
-            self._braked_instead = True
+            self.health.count("bad_command")
+            self.braked_instead = True
             return calibration.brake + calibration.servo_frame(self._steering_rad)
         self._steering_rad = steering_rad
         return motor + calibration.servo_frame(steering_rad)
@@ -204,7 +193,7 @@ class Vesc:
         link.tap = self.tap
         try:
             link.listen(self._on_bytes)
-            self._health.link, self._health.message = LinkState.STARTING, f"{self._address}: asking who it is"
+            self.health.link, self.health.message = LinkState.STARTING, f"{self._address}: asking who it is"
             self._accept(await self._identify(link))
             await self._poll(link)
         finally:
@@ -243,10 +232,10 @@ class Vesc:
         self.firmware = firmware
         is_old = firmware.major < _TODAYS_LAYOUT_SINCE_MAJOR
         self._decode = replies.decode_values_2x if is_old else replies.decode_values
-        if self._health.identity:
-            self._health.count("reconnect")
+        if self.health.identity:
+            self.health.count("reconnect")
         name = f"VESC {firmware.hardware}".rstrip()
-        self._health.identity = f"{name}, firmware {firmware.version}"
+        self.health.identity = f"{name}, firmware {firmware.version}"
 
     async def _poll(self, link: ByteLink) -> Never:
         """Request values on absolute deadlines; LinkLost when the VESC stays silent."""
@@ -272,7 +261,7 @@ class Vesc:
         return min(self._next_poll_s, lost_s) - now_s
 
     def _why_lost(self) -> str:
-        what = f"{self._address}: no usable reply for {self._settings.lost_after_s:g} s from {self._health.identity}"
+        what = f"{self._address}: no usable reply for {self._settings.lost_after_s:g} s from {self.health.identity}"
         refused_mps = self._condition.refused_mps
         if refused_mps is None:
             return f"{what} (cable, motor noise; power-cycle the VESC if it stays so)"
@@ -280,7 +269,7 @@ class Vesc:
 
     def _miss_reply(self, now_s: float) -> None:
         self._awaiting = False
-        self._health.count("missed_reply")
+        self.health.count("missed_reply")
         if now_s - self._heard_s >= REPLY_BUDGET_S:  # not in the middle of a slow frame: it will never be complete
             self._take(self._deframer.give_up(), now_s)
 
@@ -294,9 +283,9 @@ class Vesc:
         deframer = self._deframer
         if deframer.skipped_bytes:
             self._noise_bytes += deframer.skipped_bytes
-            self._health.count("skipped_bytes", deframer.skipped_bytes)
+            self.health.count("skipped_bytes", deframer.skipped_bytes)
         if deframer.bad_checksums:
-            self._health.count("checksum", deframer.bad_checksums)
+            self.health.count("checksum", deframer.bad_checksums)
         deframer.skipped_bytes = deframer.bad_checksums = 0
 
     def _on_payload(self, payload: bytes, stamp_s: float) -> None:
@@ -304,27 +293,27 @@ class Vesc:
             self._on_values(payload, stamp_s)
         elif payload[0] == codec.Packet.GET_IMU_DATA:
             if not self.inertia.take(payload, stamp_s):
-                self._health.count("bad_reply")
+                self.health.count("bad_reply")
         elif payload[0] == codec.Packet.FW_VERSION:
             firmware = replies.decode_firmware(payload)
             if firmware is None:
-                self._health.count("bad_reply")
+                self.health.count("bad_reply")
             elif self._identified is not None and not self._identified.done():
                 self._identified.set_result(firmware)
         else:
-            self._health.count("unasked_packet")
+            self.health.count("unasked_packet")
 
     def _on_values(self, payload: bytes, stamp_s: float) -> None:
         if self._decode is None:  # a reply to the previous owner of the port
-            self._health.count("unasked_packet")
+            self.health.count("unasked_packet")
             return
         values = self._decode(payload)
         if values is None:
-            self._health.count("bad_reply")
+            self.health.count("bad_reply")
             return
         self._awaiting = False
         if not self._condition.update(values, stamp_s, self._steering_rad):
-            self._health.count("bad_reply")
+            self.health.count("bad_reply")
             if self._ready is not None:
                 self._tell_condition()
             return
@@ -335,22 +324,22 @@ class Vesc:
         self._replied(stamp_s - self._asked_s)
 
     def _tell_condition(self) -> None:
-        health, trouble = self._health, self._condition.trouble
+        health, trouble = self.health, self._condition.trouble
         health.link, health.trouble = (LinkState.FAULTY if trouble else LinkState.READY), trouble
         health.message = f"{health.identity}: {trouble}" if trouble else health.identity
 
     def _hang_up(self, link: ByteLink) -> None:
         """Close the connection with a brake as the last motor command on the wire, in every case."""
         if self._ready is not None:
-            self._health.count("lost")
+            self.health.count("lost")
         self._ready = self._link = None
         self._condition.disconnect()
-        self._health.link, self._health.message = LinkState.ABSENT, f"{self._address}: closed"
-        self._health.trouble = ""
+        self.health.link, self.health.message = LinkState.ABSENT, f"{self._address}: closed"
+        self.health.trouble = ""
         try:
             if self._decode is not None:  # other devices do not understand it
                 link.write(self._calibration.brake)
         except LinkLost:
-            self._health.count("brake_not_written")  # no link; the VESC's own timeout remains
+            self.health.count("brake_not_written")  # no link; the VESC's own timeout remains
         finally:
             link.close()

@@ -67,7 +67,7 @@ class Ydlidar(TurningLidar):
     async def _start(self, talk: LidarTalk) -> StreamFacts:
         """Start motor and stream."""
         talk.link.set_data_terminal_ready(True)
-        decoder = codec.PacketDecoder(self._model, self._health.count)
+        decoder = codec.PacketDecoder(self._model, self.health.count)
         model = self._model
         if not model.one_way:
             await asyncio.sleep(MOTOR_S)
@@ -106,7 +106,7 @@ class Ydlidar(TurningLidar):
             if decoder.packets >= ENOUGH_PACKETS:
                 talk.listen()
                 return f"YDLIDAR {self._model.name}, which does not tell its serial number"
-        self._health.count("not heard")
+        self.health.count("not heard")
         raise LinkLost(
             f"{talk.link.address}: no scan packet of a {self._model.name} at {self._model.baud} baud"
             " (power? cable? another lidar.model?)"
@@ -120,11 +120,11 @@ class Ydlidar(TurningLidar):
             except LinkLost:
                 continue
             return self._tells_fault(reply)
-        self._health.count("no condition told")
+        self.health.count("no condition told")
         return False
 
     async def _reset(self, talk: LidarTalk) -> None:
-        self._health.count("reset")
+        self.health.count("reset")
         for code in (codec.RESET, codec.RESET_OLD):
             talk.link.write(codec.command(code))
             await asyncio.sleep(STOP_S)
