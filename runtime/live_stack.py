@@ -9,11 +9,10 @@ from wallride.runtime.arbitration.command import Decision, DriveCommand, SafetyA
 from wallride.runtime.arbitration.command_queue import CommandQueue
 from wallride.runtime.control.guidance import Guidance
 from wallride.runtime.control.laws import LiveLaws
-from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.runtime.control.limiter import Limiter
 from wallride.runtime.control.line_following.course import RaceCourse
 from wallride.runtime.control.localization.localizer import PoseEstimate
 from wallride.runtime.control.perception.scan_rate import ScanRate
-from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.recording.decision_log import DecisionLog
 from wallride.runtime.settings.driven_car import driven_car
 from wallride.runtime.settings.tree import Settings
@@ -35,7 +34,7 @@ class LiveStack:
         self.queue = CommandQueue(settings.effective_order(), self.clock)
         self.laws = LiveLaws(settings.wall_follow, settings.safety, driven_car(settings), self.clock, course)
         self.course = course
-        self.limiter = Limiter(limits(settings.car))
+        self.limiter = Limiter(settings.car)
         self._rate = ScanRate()
         self.answered_with: MotorState | None = None  # the report with which the newest scan was answered
         decision_log.add_settings(settings)
@@ -84,16 +83,5 @@ class LiveStack:
         self.settings = settings
         self.decision_log.add_settings(settings)
         self.laws.tune(settings.wall_follow, settings.safety)
-        self.limiter.tune(limits(settings.car))
+        self.limiter.tune(settings.car)
         self.queue.reorder(settings.effective_order())
-
-
-def limits(car: CarSettings) -> Limits:
-    """Return the limits of the mechanics."""
-    return Limits(
-        max_speed_mps=car.max_speed_mps,
-        max_reverse_mps=car.max_reverse_mps,
-        max_steering_rad=car.max_steering_rad,
-        steering_rate_radps=car.steering_rate_radps,
-        max_acceleration_mps2=car.max_acceleration_mps2,
-    )

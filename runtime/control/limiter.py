@@ -1,28 +1,16 @@
 """Clamps every command to the car's limits, the last rules before the wire."""
 
 import math
-from dataclasses import dataclass
 
 from wallride.drivers.api import Drive
-from wallride.runtime.control.vehicle import GRAVITY_MPS2
+from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
 
 ASIDE_MPS2 = 2.0
 """Lateral force of the front axle per mass of the car, half of its grip on a good floor."""
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Mechanical limits of the car."""
-
-    max_speed_mps: float
-    max_reverse_mps: float
-    max_steering_rad: float
-    steering_rate_radps: float
-    max_acceleration_mps2: float
-
-
 class Limiter:
-    """Clamps steering and speed, and limits their rates.
+    """Clamps steering and speed, and limits their rates, to those of the car's mechanics.
 
     Slowing down is never delayed: a smoother that stands between "stop" and the brake is a fault, not a comfort.
     A stop that may only brake with b leaves a car v - (b + c) t of its speed, where c is what turned front wheels take
@@ -31,14 +19,14 @@ class Limiter:
     leaves more than one of 1 g would: no floor gives more.
     """
 
-    def __init__(self, limits: Limits) -> None:
-        self._limits = limits
+    def __init__(self, car: CarSettings) -> None:
+        self._car = car
         self._last = Drive(0.0, 0.0)
         self._rolls_mps = 0.0
 
-    def tune(self, limits: Limits) -> None:
+    def tune(self, car: CarSettings) -> None:
         """Change the limits, from the next drive on; a lower speed takes effect like a stop, never delayed."""
-        self._limits = limits
+        self._car = car
 
     def limit(self, speed_mps: float, steering_rad: float | None, dt_s: float, brake_mps2: float = math.inf) -> Drive:
         """Return the drive that may be sent now, dt_s after the previous call; steering None holds the wheels.
@@ -67,17 +55,17 @@ class Limiter:
         return math.copysign(left_mps, self._rolls_mps)
 
     def _speed(self, wanted_mps: float, dt_s: float) -> float:
-        wanted_mps = max(-self._limits.max_reverse_mps, min(self._limits.max_speed_mps, wanted_mps))
+        wanted_mps = max(-self._car.max_reverse_mps, min(self._car.max_speed_mps, wanted_mps))
         last_mps = self._rolls_mps
         if last_mps * wanted_mps < 0:
             return 0.0  # through standstill, never from gear to gear
         if abs(wanted_mps) <= abs(last_mps):
             return wanted_mps
-        step_mps = self._limits.max_acceleration_mps2 * dt_s
+        step_mps = self._car.max_acceleration_mps2 * dt_s
         return math.copysign(min(abs(wanted_mps), abs(last_mps) + step_mps), wanted_mps)
 
     def _steering(self, wanted_rad: float, dt_s: float) -> float:
-        most_rad = self._limits.max_steering_rad
-        step_rad = self._limits.steering_rate_radps * dt_s
+        most_rad = self._car.max_steering_rad
+        step_rad = self._car.steering_rate_radps * dt_s
         wanted_rad = max(-most_rad, min(most_rad, wanted_rad))
         return max(self._last.steering_rad - step_rad, min(self._last.steering_rad + step_rad, wanted_rad))

@@ -28,7 +28,6 @@ from wallride.runtime.control.guidance import Follower, Guard
 from wallride.runtime.control.limiter import Limiter
 from wallride.runtime.control.safety.swept import SweptGuard
 from wallride.runtime.control.vehicle import CarSettings
-from wallride.runtime.live_stack import limits
 from wallride.runtime.settings.tree import MuxSettings
 from wallride.runtime.tasks.mux import SILENT_AFTER_PERIODS
 from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, DelayLine, Demand, SpeedDemand, Vehicle, VehicleSettings
@@ -228,7 +227,7 @@ class _Rig:
             (math.hypot(o.motion.x_mps, o.motion.y_mps) for o in case.obstacles if o.motion), default=0.0
         )
         self._rng = np.random.default_rng(case.seed)
-        self._limiter = Limiter(limits(case.car))
+        self._limiter = Limiter(case.car)
         self._limiter.limit(case.start_speed_mps, 0.0, dt_s=1e3)  # a rolling car was commanded to
         rolling: Demand = SpeedDemand(case.start_speed_mps) if case.start_speed_mps else CoastDemand()
         self._wire: DelayLine[tuple[Demand, float]] = DelayLine(case.latency_s, (rolling, 0.0))

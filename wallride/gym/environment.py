@@ -17,7 +17,6 @@ from PIL import Image, ImageDraw
 from wallride.drivers.api import MotorState
 from wallride.runtime.control.limiter import Limiter
 from wallride.runtime.control.vehicle import CarSettings
-from wallride.runtime.live_stack import limits
 from wallride.sim.scenario.conditions import checked_conditions
 from wallride.sim.scenario.obstacle_text import read_obstacle
 from wallride.sim.scenario.scenario_file import MAX_START_TO_WALL_M
@@ -104,7 +103,7 @@ class WallFollowEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             lidar=self._lidar, obstacles=self._obstacles, seed=int(self.np_random.integers(_SEEDS)),
         )  # fmt: skip
         self._motor = WorldMotor(self._twin, self._time_s)
-        self._limiter = Limiter(limits(self._car))
+        self._limiter = Limiter(self._car)
         self._counter = LapCounter(self._world.lap) if self._world.lap is not None else None
         self._laps = 0.0
         self._odometry = np.zeros(5)

@@ -15,7 +15,8 @@ from wallride.drivers.vesc.condition import VescMonitor
 from wallride.drivers.vesc.cross_check import COUNTS_WRONG, RUNS_BACKWARDS, CrossCheck
 from wallride.drivers.vesc.driver import Vesc
 from wallride.drivers.vesc.settings import VescSettings
-from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.runtime.control.limiter import Limiter
+from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.devices.vesc import VescEmulator
 
 PERIOD_S = 0.02
@@ -114,7 +115,7 @@ def test_a_motor_that_is_braked_whenever_it_runs_backwards_too_fast_is_found_too
 
 
 def test_the_ramp_after_each_of_those_brakes_hides_it_not(car):
-    limiter = Limiter(Limits(4.0, 1.0, 0.34, 3.2, 4.0))
+    limiter = Limiter(CarSettings())
     for _ in range(40):
         drive = limiter.limit(1.0, 0.0, PERIOD_S)
         car.poll(-0.35, wish=drive.speed_mps)

@@ -11,7 +11,7 @@ import numpy as np
 
 from wallride.drivers.api import Drive, MotorState
 from wallride.runtime.calibration.trace import TraceBuilder
-from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.runtime.control.limiter import Limiter
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.car.wiring import NO_ERRORS, WiringErrors
@@ -44,13 +44,7 @@ class VirtualCar:
         self._now_s = 0.0
         self.twin = TwinWorld(world, lambda: self._now_s, vehicle=planted.vehicle, lidar=planted.lidar, seed=seed)
         self.motor = WorldMotor(self.twin, lambda: self._now_s, planted.errors)
-        car = car or CarSettings()
-        self._limiter = Limiter(
-            Limits(
-                car.max_speed_mps, car.max_reverse_mps, car.max_steering_rad, car.steering_rate_radps,
-                car.max_acceleration_mps2,
-            )
-        )  # fmt: skip
+        self._limiter = Limiter(car or CarSettings())
         self._asked = Drive(0.0, 0.0)
         self._ticks = 0
         self._polled: MotorState | None = None

@@ -1,16 +1,15 @@
 """What the mechanics allow: clamps, slopes, and a stop that nothing delays."""
 
 import math
-from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wallride.runtime.control.limiter import ASIDE_MPS2, Limiter, Limits
-from wallride.runtime.control.vehicle import GRAVITY_MPS2
+from wallride.runtime.control.limiter import ASIDE_MPS2, Limiter
+from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
 
-LIMITS = Limits(
+LIMITS = CarSettings(
     max_speed_mps=4.0, max_reverse_mps=1.0, max_steering_rad=0.34, steering_rate_radps=3.2, max_acceleration_mps2=4.0
 )
 LONG_S = 10.0
@@ -34,7 +33,7 @@ def test_steering_is_clamped(wanted, allowed):
 
 def test_a_lower_top_speed_is_obeyed_at_once_and_a_higher_one_by_and_by():
     limiter = moving(4.0)
-    limiter.tune(replace(LIMITS, max_speed_mps=1.5))
+    limiter.tune(LIMITS.model_copy(update={"max_speed_mps": 1.5}))
     assert limiter.limit(4.0, 0.0, 0.0).speed_mps == 1.5
     limiter.tune(LIMITS)
     assert limiter.limit(3.0, 0.0, 0.02).speed_mps == pytest.approx(1.58)

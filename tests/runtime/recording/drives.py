@@ -10,7 +10,7 @@ from tests.runtime.observed import HandClock
 from tests.runtime.recording.disks import QuickDisk
 from wallride.drivers.api import Scan
 from wallride.runtime.arbitration.command import LAB_ORDER, Source, consent, refusal
-from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.runtime.control.limiter import Limiter
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.live_stack import REQUIRED, LiveStack
 from wallride.runtime.realtime.wall_clock import WallClock
@@ -24,7 +24,7 @@ from wallride.sim.virtual.devices import BEAMS, STEP_RAD, MemoryLidar, MemoryMot
 
 EPOCH_NS = 1_790_000_000_000_000_000
 PERIOD_S = 0.025
-LIMITS = Limits(5.0, 1.0, 0.35, 6.0, 20.0)
+LIMITS = CarSettings(max_speed_mps=5.0, max_steering_rad=0.35, steering_rate_radps=6.0, max_acceleration_mps2=20.0)
 RANGES_M = ranges_between_walls(0.9, 1.1)
 
 

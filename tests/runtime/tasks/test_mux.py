@@ -10,7 +10,8 @@ from tests.runtime.decisions import Counting
 from wallride.drivers.api import Drive
 from wallride.runtime.arbitration.command import LAB_ORDER, DriveCommand, Source, SpeedLimit
 from wallride.runtime.arbitration.command_queue import CommandQueue
-from wallride.runtime.control.limiter import Limiter, Limits
+from wallride.runtime.control.limiter import Limiter
+from wallride.runtime.control.vehicle import CarSettings
 from wallride.runtime.realtime.periodic import PeriodicTimer
 from wallride.runtime.recording.decision_log import DecisionLog
 from wallride.runtime.tasks.mux import Mux, SilenceTick
@@ -40,7 +41,7 @@ class Rig:
         self.queue = CommandQueue(LAB_ORDER, clock)
         self.motor = BrakingMotor(clock)
         self.log = DecisionLog(clock)
-        limiter = Limiter(Limits(4, 1, 0.34, 3.2, 4))
+        limiter = Limiter(CarSettings())
         self.mux = Mux(self.queue, self.motor, limiter, frozenset(), self.log.clock, decision_log=self.log)
         self.decided_s = []
         self.notes = []
