@@ -33,7 +33,7 @@ class Memory:
 
     Their bytes are copied into blocks of their own, used again when their last message is dropped: beside thousands of
     objects of all sizes the allocator would keep holes, and the process would grow for a quarter of an hour. A message
-    is valid until the next `add`.
+    is valid until the next `add`. next_number: of the message that is added next.
     """
 
     def __init__(self, longest_s: float, most_bytes: int = MAX_BYTES) -> None:
@@ -42,20 +42,15 @@ class Memory:
         self._kept: deque[BufferedMessage] = deque()
         self._basis: dict[str, RecordMessage] = {}
         self._bytes = 0
-        self._next = 0
+        self.next_number = 0
         self._block, self._used = memoryview(bytearray()), 0
         self._full: deque[tuple[memoryview, int]] = deque()  # with the number of the first message after it
         self._free: list[memoryview] = []
 
-    @property
-    def next_number(self) -> int:
-        """The number of the next message."""
-        return self._next
-
     def add(self, message: RecordMessage) -> None:
         """Add a message, and drop those that are too old."""
-        self._kept.append(BufferedMessage(self._next, message._replace(payload=self._store(message.payload))))
-        self._next += 1
+        self._kept.append(BufferedMessage(self.next_number, message._replace(payload=self._store(message.payload))))
+        self.next_number += 1
         self._bytes += len(message.payload)
         oldest_ns = message.stamp_ns - self._longest_ns
         while self._kept and (self._kept[0].message.stamp_ns < oldest_ns or self._bytes > self._most_bytes):
@@ -63,14 +58,14 @@ class Memory:
             self._bytes -= len(forgotten.payload)
             if forgotten.lasting:
                 self._basis[forgotten.topic] = forgotten._replace(payload=bytes(forgotten.payload))
-        oldest = self._kept[0].number if self._kept else self._next
+        oldest = self._kept[0].number if self._kept else self.next_number
         while self._full and self._full[0][1] <= oldest:
             self._free.append(self._full.popleft()[0])
 
     def _store(self, payload: bytes | memoryview) -> memoryview:
         size = len(payload)
         if self._used + size > len(self._block):
-            self._full.append((self._block, self._next))
+            self._full.append((self._block, self.next_number))
             self._block, self._used = self._another(size), 0
         part = self._block[self._used : self._used + size]
         part[:] = payload
@@ -86,7 +81,7 @@ class Memory:
 
     def holds(self, number: int) -> bool:
         """Tell whether all messages from a number on are still remembered."""
-        return number >= (self._kept[0].number if self._kept else self._next)
+        return number >= (self._kept[0].number if self._kept else self.next_number)
 
     def after(self, number: int) -> list[RecordMessage]:
         """Return the messages from a number on."""

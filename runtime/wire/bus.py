@@ -174,23 +174,25 @@ class Bus:
         A put may carry a wildcard ("car/*/teleop") and still reach an exact subscription; such a stray is counted, and
         so is a sample larger than max_bytes, which is dropped before its bytes are copied.
         """
-        self._whenever_open(lambda: self._subscribe(key, receive, max_bytes))
+        self.when_open(lambda: self._subscribe(key, receive, max_bytes))
 
     def answer(self, key: str, reply: Reply) -> None:
         """Answer queries on exactly this key in the loop; RefusedError becomes an error reply with its text."""
-        self._whenever_open(lambda: self._answer(key, reply))
+        self.when_open(lambda: self._answer(key, reply))
 
     def announce(self, key: str) -> None:
         """Hold a liveliness token until close."""
-        self._whenever_open(lambda: self._held.append(self._open_session.liveliness().declare_token(key)))
+        self.when_open(lambda: self._held.append(self._open_session.liveliness().declare_token(key)))
 
-    def when_open(self, declare: Callable[[], None]) -> None:
+    def when_open(self, declare: Callable[[], object]) -> None:
         """Call once the session is open; at once if it is."""
-        self._whenever_open(declare)
+        self._declare.append(declare)
+        if self._session is not None:
+            declare()
 
     def watch(self, key: str, changed: Changed) -> None:
         """Call `changed(key, alive)` in the loop for every liveliness token, including those already present."""
-        self._whenever_open(lambda: self._watch(key, changed))
+        self.when_open(lambda: self._watch(key, changed))
 
     async def ask(self, key: str, payload: bytes = b"", *, timeout_s: float = 1.0) -> list[bytes]:
         """Return all answers; [] when no answer comes in time. RefusedError when the answer is an error."""
@@ -294,11 +296,6 @@ class Bus:
         yield
         started = [one for one in threading.enumerate() if one not in before and CALLER in one.name]
         self._callers = [*(one for one in self._callers if one.is_alive()), *started]
-
-    def _whenever_open(self, declare: Callable[[], object]) -> None:
-        self._declare.append(declare)
-        if self._session is not None:
-            declare()
 
     @property
     def _open_session(self) -> "zenoh.Session":

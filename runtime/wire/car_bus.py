@@ -91,14 +91,14 @@ class CarBus(Bus):
             note = sample.attachment.to_bytes() if sample.attachment is not None else None
             receive(sample.payload.to_bytes(), note, time.monotonic())
 
-        self._whenever_open(lambda: self._poll_samples(key, take, max_bytes))
+        self.when_open(lambda: self._poll_samples(key, take, max_bytes))
 
     def subscribe_prompt(self, key: str, receive: ReceiveAttached, *, max_bytes: int) -> None:
         """Call `receive` in the loop for every sample of exactly this key, at once instead of in `poll`.
 
         For a lidar's scans alone, which would be up to 10 ms older by a poll: a thread of zenoh runs Python for each.
         """
-        self._whenever_open(lambda: self._wake_for(key, receive, max_bytes))
+        self.when_open(lambda: self._wake_for(key, receive, max_bytes))
 
     def _wake_for(self, key: str, receive: ReceiveAttached, max_bytes: int) -> None:
         def take(sample: "zenoh.Sample", arrival_s: float) -> None:

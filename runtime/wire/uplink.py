@@ -29,14 +29,15 @@ Declare = Callable[[CarBus], None]
 class Uplink:
     """The session with one router.
 
-    session: of the car, under which it holds its name. problem: why nothing goes to this router, "" while it does.
+    session: of the car, under which it holds its name. bus: the session while the car has its name there, else None.
+    problem: why nothing goes to this router, "" while it does.
     """
 
     def __init__(self, config: Mapping[str, Any], car: str) -> None:
         self._config = config
         self._car = car
         self._declared: list[Declare] = []
-        self._bus: CarBus | None = None
+        self.bus: CarBus | None = None
         self._others: set[str] = set()
         self._news = asyncio.Event()
         self.session = "00000000"
@@ -47,16 +48,11 @@ class Uplink:
         """Address of the router."""
         return str(self._config["connect"]["endpoints"][0])
 
-    @property
-    def bus(self) -> CarBus | None:
-        """The session while the car has its name there, else None."""
-        return self._bus
-
     def declare(self, declare: Declare) -> None:
         """Declare on the session, at each admission; at once if the car is admitted."""
         self._declared.append(declare)
-        if self._bus is not None:
-            declare(self._bus)
+        if self.bus is not None:
+            declare(self.bus)
 
     async def run(self) -> Never:
         """Keep the session until cancelled."""
@@ -71,7 +67,7 @@ class Uplink:
                 self.problem = problem
                 await asyncio.sleep(RETRY_S)
             finally:
-                self._bus = None
+                self.bus = None
                 await bus.close()
 
     async def _attend(self, bus: CarBus) -> None:
@@ -85,14 +81,14 @@ class Uplink:
         bus.announce(topics.key(self._car, f"{topics.ALIVE}/{self.session}"))
         for declare in tuple(self._declared):
             declare(bus)
-        self._bus, self.problem = bus, ""
+        self.bus, self.problem = bus, ""
         log.info("at the router %s", self.endpoint)
         while not any(other < self.session for other in self._others):  # two at once: the lower session stays
             self.problem = "" if bus.has_router else "it does not answer"
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(LOOK_EVERY_S):
                     await self._changed()
-        self._bus = None
+        self.bus = None
         self._say_taken()
 
     async def _wait_refused(self, bus: CarBus) -> None:
