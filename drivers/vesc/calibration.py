@@ -36,7 +36,7 @@ class Calibration:
     def brake_frame(self, brake_mps2: float) -> bytes:
         """Return the frame of a stop that brakes no harder than this; full braking for infinity and for NaN.
 
-        Never less than _LEAST_BRAKE_A: a stop is requested, and under 0.05 A the firmware would coast.
+        Never less than _MIN_BRAKE_A: a stop is requested, and under 0.05 A the firmware would coast.
         """
         settings = self._settings
         wanted_a = brake_mps2 / settings.brake_mps2_per_a

@@ -4,11 +4,13 @@ import math
 from collections.abc import Mapping
 from typing import Any, Protocol
 
+import numpy as np
+import numpy.typing as npt
+
 from wallride.drivers.api import Drive, MotorState, Scan
 from wallride.drivers.value import value
 from wallride.runtime.arbitration.command import SafetyAssessment, Verdict
 from wallride.runtime.arbitration.promise import Promise
-from wallride.runtime.control.perception.geometry import Floats
 
 __all__ = ["Follower", "Guard", "Guidance", "Promise", "SafetyAssessment", "Verdict"]
 
@@ -49,7 +51,7 @@ class Driver(Follower, Protocol):
     """A follower of the table of laws."""
 
     @property
-    def path_m(self) -> Floats | None:
+    def path_m(self) -> npt.NDArray[np.float64] | None:
         """Return the path that it plans, (2, k) in base_link, for drawings; None where it plans none."""
         return None
 

@@ -53,7 +53,12 @@ def answers(one, room, pose, *, scans=6, begin=0, speed_mps=0.0, **more):
 def test_on_the_line_the_wall_is_followed_after_the_answer_and_at_every_scan(room, field, monkeypatch):
     one, followed = follower(field), []
     follow = one._wall.follow
-    monkeypatch.setattr(one._wall, "follow", lambda scan, motor: followed.append(scan.sequence) or follow(scan, motor))
+
+    def noted(scan, motor):
+        followed.append(scan.sequence)
+        return follow(scan, motor)
+
+    monkeypatch.setattr(one._wall, "follow", noted)
     sixth = answers(one, room, (2.0, 0.0, 0.0))[-1]
     assert (sixth.reason, followed) == (line_follower.DRIVES, [0, 1, 2, 3, 4])
     one._perception.learn()
