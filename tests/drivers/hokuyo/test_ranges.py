@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.drivers.hokuyo.scan_families import decode_numbers, decode_scan
-from wallride.drivers.hokuyo.codec import ReplyBlock, ScipDeframer, checksum
+from wallride.drivers.hokuyo.codec import ScipDeframer, checksum
 from wallride.drivers.hokuyo.ranges import RangeDecoder
+from wallride.drivers.hokuyo.replies import decode_number
 from wallride.sim.devices.scip_encode import encode_samples, encode_scan
 
 
@@ -38,11 +38,9 @@ def test_anything_but_three_samples_of_three_digits_is_refused(samples: bytes) -
 @given(st.integers(1, 300))
 def test_every_length_of_scan_comes_through_frame_and_all(beam_count: int) -> None:
     values = np.arange(beam_count) * 97 % 30000
-    [block] = ScipDeframer().feed(encode_scan(b"MD0000108000000", "99", 77, encode_samples(values, 3)))
-    scan = decode_scan(block)
-    assert scan is not None
-    assert scan.ranges_mm.tolist() == values.tolist()
-    assert scan.stamp_ms == 77
+    samples = encode_samples(values, 3)
+    [block] = ScipDeframer().feed(encode_scan(b"MD0000108000000", "99", 77, samples))
+    assert (decode_number(block.lines[0]), block.lines[1]) == (77, samples)
 
 
 @given(st.lists(st.integers(1, 64), min_size=1, max_size=8))
@@ -55,39 +53,6 @@ def test_lines_of_odd_length_are_joined_too(lengths: list[int]) -> None:
     body = b"\n".join(line + bytes([checksum(line)]) for line in lines)
     [block] = ScipDeframer().feed(b"MD0000000200000\n99b\n01>8G\n" + body + b"\n\n")
     assert block.lines[1] == text[:at]
-
-
-@pytest.mark.parametrize(
-    ("echo", "lines"),
-    [
-        (b"QT", (b"01>8", b"0?X")),
-        (b"MD0000000000000", ()),
-        (b"MD0000000000000", (b"01>", b"0?X")),
-        (b"MD0000000000000", (b"01>&", b"0?X")),
-        (b"MD0000000000000", (b"01>8", b"0?")),
-        (b"ME0000000000000", (b"01>8", b"0?X")),
-        (b"MS0000000000000", (b"01>8", b"0?X")),
-        (b"ND0000000000000", (b"01>8", b"&0?X")),
-        (b"ND0000000000000", (b"01>8", b"0?X&")),
-        (b"ND0000000000000", (b"01>8", b"0?X&0?&")),
-    ],
-)
-def test_blocks_that_hold_no_scan(echo: bytes, lines: tuple[bytes, ...]) -> None:
-    assert decode_scan(ReplyBlock(echo, "99", lines)) is None
-
-
-def test_echoes_with_intensity() -> None:
-    scan = decode_scan(ReplyBlock(b"NE0000000100000", "99", (b"01>8", b"0?X001&0GL0020O@003")))
-    assert scan is not None
-    assert scan.echoes_mm == ((1000, 1500), (2000,))
-    assert scan.intensities is not None
-    assert scan.intensities.tolist() == [1, 3]
-
-
-def test_numbers_of_two_three_and_four_characters() -> None:
-    np.testing.assert_equal(decode_numbers(b"CB", chars=2), [1234])
-    np.testing.assert_equal(decode_numbers(b"1Dh0?X", chars=3), [5432, 1000])
-    np.testing.assert_equal(decode_numbers(b"m2@0", chars=4), [16000000])
 
 
 @pytest.mark.parametrize("reverse", [False, True])
