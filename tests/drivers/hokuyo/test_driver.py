@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from tests.drivers.hokuyo.rig import LIMIT_S, MakeRig, Rig, sensor
+from tests.drivers.hokuyo.rig import MakeRig, Rig, sensor
 from wallride.drivers.address import TcpAddress
 from wallride.drivers.api import LinkState
 from wallride.drivers.hokuyo.conversation import Conversation
@@ -60,19 +60,6 @@ async def test_garbage_between_scans_is_counted_and_survived(rig: Rig) -> None:
     assert set(rig.counts) <= {"checksum", "malformed", "stray reply"}
     assert sum(rig.counts.values()) >= 9  # before the 30th good scan of 40, or 39 where the last is one of them
     assert not [scan for scan in rig.scans if set(scan.ranges_m) != {np.float32(1.234)}]
-
-
-async def test_bytes_that_dribble_make_the_same_scans(rig: Rig) -> None:
-    rig.emulator.sensor.refused = frozenset({"TM0"})  # on a busy computer they take long, and with its time it shows
-    await rig.ready()
-    rig.emulator.dribble_s = 0.015
-    for number in range(5):
-        rig.turn(np.arange(1081) + 100 + number)
-        async with asyncio.timeout(LIMIT_S):
-            while len(rig.scans) == number:
-                await asyncio.sleep(0.001)
-        np.testing.assert_array_equal(np.round(rig.scans[-1].ranges_m * 1000), np.arange(1081) + 100 + number)
-    assert not rig.counts
 
 
 async def test_after_a_stall_only_the_fresh_scans_of_the_burst_are_used(rig: Rig) -> None:

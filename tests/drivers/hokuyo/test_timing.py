@@ -37,11 +37,6 @@ class Cable:
         self.now_s += ms / 1000
 
 
-def test_prompt_scans_are_not_late() -> None:
-    cable = Cable()
-    assert [cable.scan() for _ in range(100)] == pytest.approx([0.0] * 100, abs=1e-9)
-
-
 def test_lateness_is_counted_from_the_promptest_scan() -> None:
     cable = Cable()
     assert [cable.scan(late_s) for late_s in (0.020, 0.005, 0.030, 0.0, 0.030)] == pytest.approx(

@@ -62,17 +62,12 @@ async def rig(request, tmp_path):
 async def test_its_timeout_is_found_and_stops_a_car_that_nothing_commands(rig):
     await rig.driving()
     assert rig.driver.max_speed_mps == MaestroSettings().max_speed_mps
-    assert rig.esc.speed_mps is not None
-    await rig.until(lambda: rig.board.demand(rig.clock()).kind == "coast")
-    await rig.until(lambda: rig.driver.state.timed_out)
-
-
-async def test_questions_do_not_feed_the_timeout(rig):
-    await rig.driving()
     assert rig.driver.words[0] == "the motor allows 2.0 m/s: motor.max_speed_mps"
+    assert rig.esc.speed_mps is not None
     silent_s = rig.clock()
     await rig.until(lambda: rig.board.demand(rig.clock()).kind == "coast")
-    assert rig.clock() - silent_s < 1.5 * rig.board.timeout_s
+    assert rig.clock() - silent_s < 1.5 * rig.board.timeout_s, "the driver's questions do not feed it"
+    await rig.until(lambda: rig.driver.state.timed_out)
 
 
 @pytest.mark.parametrize("rig", [{"timeout_s": 0.0}], indirect=True)

@@ -128,23 +128,10 @@ def test_a_contradiction_is_told_from_a_fault_of_the_vesc_s_own_until_it_is_clea
     assert not condition.contradicts
 
 
-def test_a_fault_that_is_still_there_comes_back_after_clearing(condition):
-    condition.update(replace(WELL, fault_code=5), 1.0, 0.0)
-    condition.clear_fault()
-    condition.update(replace(WELL, fault_code=5), 1.02, 0.0)
-    assert "too hot" in condition.fault
-
-
 def test_the_newest_fault_is_the_one_that_is_told(condition):
     for code in (2, 0, 4):
         condition.update(replace(WELL, fault_code=code), 1.0, 0.0)
     assert "over-current" in condition.fault
-
-
-def test_a_reboot_is_counted(condition, health):
-    condition.update(replace(WELL, tachometer=5000, tachometer_abs=5000), 1.0, 0.0)
-    condition.update(WELL, 1.02, 0.0)
-    assert health.counts == {"reboot": 1}
 
 
 def test_only_a_lasting_low_voltage_is_an_empty_battery(condition):
@@ -177,10 +164,3 @@ def test_a_battery_is_judged_anew_after_a_lost_link(condition):
     condition.disconnect()
     condition.update(low, 50.0, 0.0)
     assert condition.trouble == ""
-
-
-def test_a_fault_that_is_latched_from_outside_does_not_replace_an_earlier_one(condition, health):
-    condition.latch("the first")
-    condition.latch("the second")
-    assert condition.fault == "the first"
-    assert health.counts["fault"] == 1

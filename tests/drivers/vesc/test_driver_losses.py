@@ -69,16 +69,6 @@ async def test_unplug_and_replug(emulator):
         assert (vesc.health.counts["lost"], vesc.health.counts["reconnect"]) == (1, 1)
 
 
-async def test_a_send_that_meets_a_dead_port_is_false_and_run_goes_on(emulator):
-    async with ready(emulator) as vesc:
-        emulator.unplug()
-        assert vesc.send(Drive(1.0, 0.0)) is False
-        assert vesc.send(Drive(1.0, 0.0)) is False
-        emulator.start()
-        await until(lambda: vesc.health.counts.get("reconnect") == 1)
-        await until(lambda: vesc.send(Drive(0.0, 0.0)))
-
-
 async def test_the_first_attempt_after_every_loss_comes_soon(emulator, monkeypatch):
     monkeypatch.setattr(driver, "REOPEN_AFTER_S", (0.01, 10 * PATIENCE_S))
     async with ready(emulator) as vesc:

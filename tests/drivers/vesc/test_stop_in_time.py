@@ -102,6 +102,7 @@ def test_a_latched_fault_brakes_until_it_is_cleared():
         vesc.latch_fault("another")
         assert (vesc.health.link, vesc.health.trouble, vesc.state.fault) == (LinkState.FAULTY, WORDS, WORDS)
         assert vesc.health.message == f"{vesc.health.identity}: {WORDS}"
+        assert vesc.health.counts["fault"] == 1
         assert rig.sent(Drive(1.0, 0.0)) == BRAKE + SERVO_AHEAD
         assert vesc.braked_instead
         vesc.clear_fault()

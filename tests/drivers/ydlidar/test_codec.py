@@ -18,7 +18,6 @@ GOLDEN = golden("ydlidar")
 FRAMES = {frame["name"]: frame for frame in GOLDEN["frames"]}
 STREAMS = {stream["name"]: bytes.fromhex(stream["hex"]) for stream in GOLDEN["streams"]}
 PACKETS = [name for name, frame in FRAMES.items() if "samples" in frame["fields"]]
-PLAIN = Model("plain", 115200, 1e-4, (0.1, 10.0), triangulates=False)
 BRIGHT = Model("bright", 115200, 1e-4, (0.1, 10.0), triangulates=False, intensity=True)
 
 
@@ -138,9 +137,3 @@ def test_mutated_bytes_raise_nothing(model):
             part[rng.randrange(len(part))] = rng.randrange(256)
         found = one.feed(bytes(part))
         assert np.all((found.deg >= 0) & (found.deg < 360))
-
-
-@given(st.binary(max_size=600))
-def test_any_bytes_raise_nothing(noise):
-    read(noise, len(noise) // 2)
-    read(noise, model=PLAIN)
