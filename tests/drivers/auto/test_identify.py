@@ -2,11 +2,11 @@
 
 import asyncio
 import os
-from contextlib import asynccontextmanager, suppress
+from contextlib import suppress
 
 import pytest
 
-from tests.drivers.turning.rig import room_mm
+from tests.drivers.turning.rig import turning
 from wallride.drivers.api import DriverError, LinkLost, ProtocolError
 from wallride.drivers.auto.identify import find_lidar
 from wallride.drivers.auto.settings import AutoLidarSettings
@@ -33,29 +33,16 @@ def look(settings, places):
     return find_lidar(settings, places, clock=clock())
 
 
-@asynccontextmanager
-async def turning(device, path, *, baud=True):
+def plugged(device, path):
     """A turning lidar on a serial port that hears one speed of the line only."""
     emulator = TurningEmulator(device, clock=clock())
-    emulator.baud = device.model.baud if baud else None
-    emulator.start_serial(path)
-
-    async def turn():
-        while True:
-            emulator.advance(emulator._clock(), room_mm)
-            await asyncio.sleep(0.004)
-
-    running = asyncio.create_task(turn())
-    try:
-        yield emulator
-    finally:
-        await end(running)
-        emulator.close()
+    emulator.baud = device.model.baud
+    return turning(emulator, path)
 
 
 @pytest.mark.parametrize("model", [rplidar.A1, rplidar.A1_OLDEST, rplidar.A2, rplidar.C1, rplidar.S2])
 async def test_an_rplidar_is_found_at_its_speed_and_left_quiet(tmp_path, model):
-    async with turning(RplidarDevice(model), tmp_path / "port") as emulator:
+    async with plugged(RplidarDevice(model), tmp_path / "port") as emulator:
         emulator.device.streaming = True  # left on by a program that was killed
         found = await look(AUTO, [f"serial://{tmp_path / 'port'}"])
         assert isinstance(found.settings, RplidarSettings)
@@ -66,7 +53,7 @@ async def test_an_rplidar_is_found_at_its_speed_and_left_quiet(tmp_path, model):
 
 @pytest.mark.parametrize("model", [ydlidar.X4, ydlidar.G4])
 async def test_a_ydlidar_is_found_at_its_speed(tmp_path, model):
-    async with turning(YdlidarDevice(model), tmp_path / "port") as emulator:
+    async with plugged(YdlidarDevice(model), tmp_path / "port") as emulator:
         found = await look(AUTO, [f"serial://{tmp_path / 'port'}"])
         assert found.settings == YdlidarSettings(address=f"serial://{tmp_path / 'port'}?baud={model.baud}")
         assert model.name in found.identity
@@ -74,7 +61,7 @@ async def test_a_ydlidar_is_found_at_its_speed(tmp_path, model):
 
 
 async def test_a_ydlidar_that_never_answers_is_told_by_its_packets(tmp_path):
-    async with turning(YdlidarDevice(ydlidar.X2), tmp_path / "port"):
+    async with plugged(YdlidarDevice(ydlidar.X2), tmp_path / "port"):
         found = await look(AUTO, [f"serial://{tmp_path / 'port'}"])
         assert found.settings == YdlidarSettings(address=f"serial://{tmp_path / 'port'}?baud=115200", model="x2")
 
@@ -98,7 +85,7 @@ async def test_a_hokuyo_is_found_on_both_kinds_of_port(tmp_path, way):
 
 async def test_what_the_settings_say_counts_for_the_lidar_that_is_found(tmp_path):
     said = AutoLidarSettings(yaw_rad=3.1, mounted_upside_down=True)
-    async with turning(RplidarDevice(), tmp_path / "port"):
+    async with plugged(RplidarDevice(), tmp_path / "port"):
         found = await look(said, [f"serial://{tmp_path / 'port'}"])
     assert (found.settings.yaw_rad, found.settings.mounted_upside_down) == (3.1, True)
     assert found.settings.degraded_after_s == RplidarSettings().degraded_after_s
@@ -114,7 +101,7 @@ async def test_a_setting_that_the_lidar_cannot_have_is_refused():
 
 
 async def test_two_lidars_are_refused_and_both_named(tmp_path):
-    async with turning(RplidarDevice(), tmp_path / "one"), turning(YdlidarDevice(), tmp_path / "two"):
+    async with plugged(RplidarDevice(), tmp_path / "one"), plugged(YdlidarDevice(), tmp_path / "two"):
         with pytest.raises(DriverError, match=r"two lidars answer: RPLIDAR.*one.*YDLIDAR.*two.*lidar\.address"):
             await look(AUTO, [f"serial://{tmp_path / name}" for name in ("one", "two")])
 
@@ -122,7 +109,7 @@ async def test_two_lidars_are_refused_and_both_named(tmp_path):
 async def test_a_broken_lidar_beside_a_good_one_is_not_passed_over(tmp_path):
     device = RplidarDevice()
     device.fault = device.stays_broken = True
-    async with turning(device, tmp_path / "one"), turning(YdlidarDevice(), tmp_path / "two"):
+    async with plugged(device, tmp_path / "one"), plugged(YdlidarDevice(), tmp_path / "two"):
         with pytest.raises(DriverError, match="two lidars answer"):
             await look(AUTO, [f"serial://{tmp_path / name}" for name in ("one", "two")])
 
@@ -130,13 +117,13 @@ async def test_a_broken_lidar_beside_a_good_one_is_not_passed_over(tmp_path):
 async def test_a_broken_lidar_is_named(tmp_path):
     device = RplidarDevice()
     device.fault = device.stays_broken = True
-    async with turning(device, tmp_path / "port"):
+    async with plugged(device, tmp_path / "port"):
         with pytest.raises(ProtocolError, match="fault that a reset does not clear"):
             await look(AUTO, [f"serial://{tmp_path / 'port'}"])
 
 
 async def test_silence_and_an_absent_port_are_no_lidar(tmp_path):
-    async with turning(RplidarDevice(), tmp_path / "port") as emulator:
+    async with plugged(RplidarDevice(), tmp_path / "port") as emulator:
         emulator.silence = True
         with pytest.raises(LinkLost, match=r"no lidar found: .*port: nothing came.*gone.*no such device"):
             await look(AUTO, [f"serial://{tmp_path / name}" for name in ("port", "gone")])

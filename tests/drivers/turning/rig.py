@@ -1,7 +1,9 @@
 """A head that turns in a room and a driver that listens, for the tests of the drivers of turning lidars."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from wallride.drivers.turning.driver import TurningLidar
 from wallride.drivers.turning.grid import AskMotion, standing
 from wallride.drivers.ydlidar.driver import Ydlidar
 from wallride.drivers.ydlidar.settings import YdlidarSettings
+from wallride.runtime.ending import end
 from wallride.sim.devices.rplidar import RplidarDevice
 from wallride.sim.devices.turning import Rays, TurningEmulator
 from wallride.sim.devices.ydlidar import YdlidarDevice
@@ -40,6 +43,24 @@ def room_mm(rays: Rays) -> npt.NDArray[np.int64]:
     noise_m = _RNG.normal(0.0, 0.004, way.size)
     mm: npt.NDArray[np.int64] = np.rint((np.minimum(round_m, wall_m) + noise_m) * 1000).astype(np.int64)
     return mm
+
+
+@asynccontextmanager
+async def turning(emulator: TurningEmulator, path: Path) -> AsyncIterator[TurningEmulator]:
+    """Plug an emulated sensor into a serial port, and let its head turn."""
+    emulator.start_serial(path)
+
+    async def turn() -> None:
+        while True:
+            emulator.advance(asyncio.get_running_loop().time(), room_mm)
+            await asyncio.sleep(0.004)
+
+    running = asyncio.create_task(turn())
+    try:
+        yield emulator
+    finally:
+        await end(running)
+        emulator.close()
 
 
 class Rig(LidarRig):

@@ -1,14 +1,12 @@
 """Problems planted in emulated RPLIDAR and YDLIDAR lidars: the doctor finds each, and names the remedy."""
 
 import asyncio
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.drivers.turning.rig import room_mm
+from tests.drivers.turning.rig import turning
 from tests.wallride.doctor.fakes import changed, healthy, link, settings
 from wallride.doctor.examine import examine
 from wallride.doctor.findings import Finding, Level
@@ -18,7 +16,6 @@ from wallride.drivers.api import Health, LinkState
 from wallride.drivers.rplidar.settings import RplidarSettings
 from wallride.drivers.turning.conversation import describe
 from wallride.drivers.ydlidar.settings import YdlidarSettings
-from wallride.runtime.ending import end
 from wallride.runtime.settings.devices import AnyLidarSettings
 from wallride.runtime.settings.tree import Settings
 from wallride.sim.devices.rplidar import RplidarDevice
@@ -28,24 +25,6 @@ from wallride.sim.devices.ydlidar import X2, YdlidarDevice
 
 def emulated(device: RplidarDevice | YdlidarDevice) -> TurningEmulator:
     return TurningEmulator(device, clock=asyncio.get_running_loop().time)
-
-
-@asynccontextmanager
-async def turning(emulator: TurningEmulator, path: Path) -> AsyncIterator[None]:
-    """An emulated lidar on a serial port."""
-    emulator.start_serial(path)
-
-    async def turn() -> None:
-        while True:
-            emulator.advance(asyncio.get_running_loop().time(), room_mm)
-            await asyncio.sleep(0.004)
-
-    running = asyncio.create_task(turn())
-    try:
-        yield
-    finally:
-        await end(running)
-        emulator.close()
 
 
 async def found(emulator: TurningEmulator, chosen: AnyLidarSettings, path: Path) -> dict[str, Finding]:
