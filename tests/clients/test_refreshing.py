@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from tests.clients.speaking_car import speaking_car
+from tests.waiting import until
 from wallride.cli import build_parser
 from wallride.clients import plot, status
 from wallride.clients.fleet import cars
@@ -48,9 +49,7 @@ async def test_no_watching_command_writes_codes_of_a_terminal_into_a_pipe(progra
         parsed: Any = build_parser().parse_args([*arguments, "--connect", car.endpoint])
         parsed.print_line = said.append
         watching = asyncio.create_task(program(parsed))
-        async with asyncio.timeout(15):
-            while not any(words in line for line in said[1:]):
-                await asyncio.sleep(0.02)
+        await until(lambda: any(words in line for line in said[1:]), 15)
         watching.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await watching

@@ -8,6 +8,7 @@ import pytest
 
 from tests.clients.speaking_car import options, speaking_car
 from tests.runtime.observed import HandClock, lose, make_observed, output_of, speak
+from tests.waiting import until
 from wallride.clients import refreshing, status
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.status import headline, screen
@@ -161,9 +162,7 @@ async def test_watching_goes_on_until_it_is_stopped(monkeypatch):
     async with speaking_car() as car:
         parsed, said = options(car, "status", "--watch")
         watching = asyncio.create_task(status.run(parsed))
-        async with asyncio.timeout(10):
-            while len(said) < 3:
-                await asyncio.sleep(0.02)
+        await until(lambda: len(said) >= 3)
         watching.cancel()
         with pytest.raises(asyncio.CancelledError):
             await watching

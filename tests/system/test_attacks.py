@@ -28,6 +28,7 @@ from tests.system.attacker import (
     Attacker,
     Loot,
 )
+from tests.waiting import until
 from wallride.clients.keys.authority import Authority, KeyPair
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.network import JSON, RefusedError
@@ -263,9 +264,7 @@ async def test_operators_see_each_other_and_viewers_do_not(keys):
         for name, bus in buses.items():
             heard[name].watch(bus, f"{HERE}/operator/alive/*")
             await bus.open()
-        async with asyncio.timeout(10):
-            while token not in heard["root"].tokens:
-                await asyncio.sleep(0.01)
+        await until(lambda: token in heard["root"].tokens)
         await asyncio.sleep(0.1)
         assert heard["bob"].tokens == set()
         for bus in buses.values():

@@ -16,6 +16,7 @@ import pytest
 
 from tests.promises import promise
 from tests.runtime.recording.reading import streamed
+from tests.waiting import until
 from wallride.runtime.host.address_file import read_address
 from wallride.runtime.wire.ports import free_endpoint
 from wallride.sim.live.runtime_process import RuntimeProcess, WallrideProcess
@@ -159,9 +160,7 @@ async def interrupted(driving_s, folder):
     car = sim(folder, "car", "--duration", "60", "--plot", str(plot))
     try:
         await car.start()
-        async with asyncio.timeout(30):
-            while not any("in another terminal" in line for line in car.log):
-                await asyncio.sleep(0.01)
+        await until(lambda: any("in another terminal" in line for line in car.log), 30)
         await asyncio.sleep(driving_s)
         os.killpg(car.pid, signal.SIGINT)  # as a terminal does it
         async with asyncio.timeout(40):
@@ -187,9 +186,7 @@ async def test_a_second_ctrl_c_kills(tmp_path):
     car = sim(tmp_path, "car", "--duration", "60")
     try:
         await car.start()
-        async with asyncio.timeout(30):
-            while not any("in another terminal" in line for line in car.log):
-                await asyncio.sleep(0.01)
+        await until(lambda: any("in another terminal" in line for line in car.log), 30)
         os.killpg(car.pid, signal.SIGINT)
         await asyncio.sleep(0.05)
         os.killpg(car.pid, signal.SIGINT)
@@ -207,9 +204,7 @@ async def test_what_is_saved_in_a_simulation_goes_to_a_file_of_the_users(tmp_pat
     car = sim(tmp_path, "car", "--duration", "60", "--set", f"telemetry.listen={endpoint}")
     try:
         await car.start()
-        async with asyncio.timeout(30):
-            while not any("in another terminal" in line for line in car.log):
-                await asyncio.sleep(0.05)
+        await until(lambda: any("in another terminal" in line for line in car.log), 30)
         said = []
         for words in (("set", "wall_follow.kp=11"), ("save",)):
             asking = WallrideProcess(["param", *words, "--connect", endpoint])
@@ -244,9 +239,7 @@ async def test_the_emulated_devices_alone_serve_a_car_that_is_started_by_hand(tm
     car = None
     try:
         await devices.start()
-        async with asyncio.timeout(30):
-            while sum(line.startswith("--set ") for line in devices.log) < 2:
-                await asyncio.sleep(0.05)
+        await until(lambda: sum(line.startswith("--set ") for line in devices.log) >= 2, 30)
         lines = [line.removeprefix("--set ") for line in devices.log if line.startswith("--set ")]
         assert [line.partition("=")[0] for line in lines] == ["lidar.address", "motor.address"]
         assert (tmp_path / "ports" / "car.toml").is_file()
@@ -255,9 +248,7 @@ async def test_the_emulated_devices_alone_serve_a_car_that_is_started_by_hand(tm
             settings = [*lines, f"telemetry.listen={free_endpoint()}", f"recording.folder={tmp_path}"]
             car = RuntimeProcess(Path("config/sim.toml"), settings, ["--address-file", str(told)])
             await car.start()
-            async with asyncio.timeout(40):
-                while not any("lidar ready" in line for line in car.log):
-                    await asyncio.sleep(0.05)
+            await until(lambda car=car: any("lidar ready" in line for line in car.log), 40)
             assert await car.stop() == 0
             assert devices.exit_code is None
     finally:

@@ -5,6 +5,7 @@ import os
 
 import pytest
 
+from tests.waiting import until
 from wallride.clients.monitor import command_run
 from wallride.clients.monitor.command_run import (
     LOWEST_PRIORITY,
@@ -67,9 +68,7 @@ def started(monkeypatch):
 async def test_a_cancelled_command_is_ended_and_ran_last_in_turn(started):
     words, program = ENDLESS
     task = asyncio.create_task(run_command(words, 120.0, program))
-    async with asyncio.timeout(30):
-        while not started:
-            await asyncio.sleep(0.01)
+    await until(lambda: started, 30)
     task.cancel()
     with pytest.raises(asyncio.CancelledError):
         await task

@@ -7,13 +7,12 @@ import time
 import pytest
 
 from tests.clients.monitor.fake_car import FakeCar
+from tests.waiting import until
 from wallride.clients.monitor.feed import PageFeed
 from wallride.clients.monitor.relay import CarEndpoint, Relay
 from wallride.runtime.wire import zenoh_config
 from wallride.runtime.wire.network import RefusedError
 from wallride.runtime.wire.teleop import Command, Input, Press
-
-SHOWN_WITHIN_S = 10.0
 
 
 class Page:
@@ -37,12 +36,6 @@ async def fed(endpoint, session):
     finally:
         running.cancel()
         await asyncio.wait([running])
-
-
-async def until(condition):
-    async with asyncio.timeout(SHOWN_WITHIN_S):
-        while not condition():
-            await asyncio.sleep(0.01)
 
 
 async def test_the_car_that_is_meant_is_shown_and_answers(scene):

@@ -6,6 +6,7 @@ import contextlib
 import pytest
 
 from tests.clients.monitor.lap_commands import NAME, OPEN, PNG, LapCommands, listing, recorded
+from tests.waiting import until
 from wallride.clients.monitor.lap_mapper import LapMapper, LapSource
 from wallride.clients.monitor.messages import MapLap
 from wallride.runtime.settings.tree import load_settings
@@ -54,9 +55,7 @@ class Bench:
 
     async def ended(self):
         """Wait for the end of what was begun; return the page's fields."""
-        async with asyncio.timeout(10):
-            while self.mapper.is_busy:
-                await asyncio.sleep(0)
+        await until(lambda: not self.mapper.is_busy)
         await asyncio.sleep(0)
         return self.mapper.fields("car1")
 
@@ -186,9 +185,7 @@ async def test_without_a_recording_nothing_is_run(recordings, said):
 async def test_a_second_press_is_refused_until_the_first_has_ended_or_is_cancelled(abroad):
     abroad.commands.gate.clear()
     abroad.press()
-    async with asyncio.timeout(5):
-        while not abroad.commands.words:
-            await asyncio.sleep(0)
+    await until(lambda: abroad.commands.words)
     assert abroad.mapper.fields("car1")["stage"] == "mapping"
     assert abroad.mapper.fields("car2")["words"] == ["A map of car1's lap is being made."]
     for do in ("begin", "race"):

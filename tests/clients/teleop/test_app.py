@@ -15,6 +15,7 @@ import pytest
 from tests.clients.speaking_car import CarSession, client_bus
 from tests.clients.teleop.scenes import LINEAR, SESSION
 from tests.promises import promise
+from tests.waiting import until
 from wallride.clients.teleop.app import Client, deadlines
 from wallride.clients.teleop.inputs import Control
 from wallride.clients.teleop.pilot import Pilot
@@ -40,7 +41,6 @@ class FakeCar(CarSession):
         self.obeys = obeys
         self.commands = []
         self.beating = True
-        self.told = asyncio.Event()
 
     def serve(self):
         self.bus.subscribe(topics.key("car1", topics.COMMAND), self._receive)
@@ -52,7 +52,6 @@ class FakeCar(CarSession):
 
     def _receive(self, _key, payload, arrival_s):
         self.commands.append((arrival_s, read_command(payload)))
-        self.told.set()
 
     async def _beat(self):
         number = 0
@@ -73,10 +72,7 @@ class FakeCar(CarSession):
         return [command.flags for _, command in self.commands]
 
     async def heard(self, flags):
-        async with asyncio.timeout(10):
-            while flags not in self.flags:
-                self.told.clear()
-                await self.told.wait()
+        await until(lambda: flags in self.flags)
 
 
 @contextlib.asynccontextmanager
@@ -118,9 +114,7 @@ async def test_a_car_that_falls_silent_is_noticed_and_its_return_moves_nothing()
     held = Script([Step(0.0, frozenset()), Step(0.1, MANUAL), Step(0.2, MANUAL, 1.0), Step(60.0, frozenset())])
 
     async def said(words):
-        async with asyncio.timeout(5):
-            while words not in out.getvalue():
-                await asyncio.sleep(0.005)
+        await until(lambda: words in out.getvalue())
 
     async with FakeCar() as car, client_of(car, held, out) as (client, _):
         stop = asyncio.Event()

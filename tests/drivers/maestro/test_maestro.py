@@ -4,6 +4,7 @@ import asyncio
 
 import pytest
 
+from tests.waiting import until
 from wallride.drivers.api import Drive, LinkState
 from wallride.drivers.maestro import codec
 from wallride.drivers.maestro.driver import Maestro
@@ -35,13 +36,8 @@ class Rig:
         self.driver = Maestro(MaestroSettings(address=f"serial://{folder / 'maestro'}", arming_s=0.2), clock=self.clock)
         self.task = asyncio.create_task(self.driver.run())
 
-    async def until(self, done):
-        async with asyncio.timeout(8.0):
-            while not done():
-                await asyncio.sleep(0.005)
-
     async def driving(self):
-        await self.until(lambda: self.driver.health.link is LinkState.READY)
+        await until(lambda: self.driver.health.link is LinkState.READY)
         for _ in range(70):
             self.driver.learn(EstimatedSpeed(self.clock(), self.esc.speed_mps or 0.0, 0.05))
             self.driver.send(Drive(1.0, 0.1))
@@ -65,9 +61,9 @@ async def test_its_timeout_is_found_and_stops_a_car_that_nothing_commands(rig):
     assert rig.driver.words[0] == "the motor allows 2.0 m/s: motor.max_speed_mps"
     assert rig.esc.speed_mps is not None
     silent_s = rig.clock()
-    await rig.until(lambda: rig.board.demand(rig.clock()).kind == "coast")
+    await until(lambda: rig.board.demand(rig.clock()).kind == "coast")
     assert rig.clock() - silent_s < 1.5 * rig.board.timeout_s, "the driver's questions do not feed it"
-    await rig.until(lambda: rig.driver.state.timed_out)
+    await until(lambda: rig.driver.state.timed_out)
 
 
 @pytest.mark.parametrize("rig", [{"timeout_s": 0.0}], indirect=True)
@@ -90,7 +86,7 @@ async def test_a_brown_out_is_noticed_while_it_drives(rig):
     async with asyncio.timeout(0.6):
         while rig.driver.send(Drive(1.0, 0.1)):
             await asyncio.sleep(0.01)
-    await rig.until(lambda: "does not hold its throttle" in rig.driver.health.message)
+    await until(lambda: "does not hold its throttle" in rig.driver.health.message)
 
 
 async def test_silence_ends_the_connection_while_it_drives(rig):
@@ -105,4 +101,4 @@ async def test_silence_ends_the_connection_while_it_drives(rig):
 @pytest.mark.parametrize(("held_us", "words"), [(1234.0, "is at 1234 us"), (None, "no answer of a Maestro")])
 async def test_what_is_no_maestro_is_named(rig, held_us, words):
     rig.board.held_us, rig.board.silence = held_us, held_us is None
-    await rig.until(lambda: words in rig.driver.health.message)
+    await until(lambda: words in rig.driver.health.message)

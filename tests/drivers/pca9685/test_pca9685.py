@@ -4,6 +4,7 @@ import asyncio
 
 import pytest
 
+from tests.waiting import until
 from wallride.drivers.api import Drive, LinkState
 from wallride.drivers.pca9685 import codec
 from wallride.drivers.pca9685.driver import Pca9685
@@ -41,13 +42,8 @@ class Rig:
         self.chip = Pca9685Chip(self.esc, clock=clock)
         self.driver = Pca9685(SETTINGS.model_copy(update=settings), open_bus=self.chip.open, clock=clock)
 
-    async def until(self, done):
-        async with asyncio.timeout(6.0):
-            while not done():
-                await asyncio.sleep(0.005)
-
     async def driving(self, speed_mps=1.0):
-        await self.until(lambda: self.driver.health.link is LinkState.READY)
+        await until(lambda: self.driver.health.link is LinkState.READY)
         for _ in range(60):
             self.drive_on(speed_mps)
             await asyncio.sleep(0.01)
@@ -81,7 +77,7 @@ async def test_one_transfer_without_acknowledgement_ends_the_connection_and_it_c
     rig.chip.nack_every = 1
     rig.drive_on(1.0)
     rig.chip.nack_every = None
-    await rig.until(lambda: rig.driver.health.link is LinkState.READY)
+    await until(lambda: rig.driver.health.link is LinkState.READY)
     assert rig.driver.health.counts["reconnect"] == 1
     assert rig.esc.speed_mps is None  # neutral: nothing moves by itself
 
@@ -92,16 +88,16 @@ async def test_a_car_that_was_lost_while_it_drove_is_braked_before_its_esc_is_ar
     rig.drive_on(1.0)
     assert rig.esc.speed_mps is not None  # the chip goes on by itself
     rig.chip.unplugged = False
-    await rig.until(lambda: rig.esc.demand(0.0).kind == "brake")
-    await rig.until(lambda: rig.driver.health.link is LinkState.READY)
+    await until(lambda: rig.esc.demand(0.0).kind == "brake")
+    await until(lambda: rig.driver.health.link is LinkState.READY)
 
 
 async def test_a_chip_that_was_reset_is_noticed_without_a_command(rig):
     await rig.driving()
     rig.chip.brown_out()
-    await rig.until(lambda: "it was reset while it drove (brown-out" in rig.driver.health.message)
+    await until(lambda: "it was reset while it drove (brown-out" in rig.driver.health.message)
     assert rig.driver.state is None
-    await rig.until(lambda: rig.driver.health.link is LinkState.READY)
+    await until(lambda: rig.driver.health.link is LinkState.READY)
     assert rig.driver.health.counts["lost"] == 1
 
 
@@ -109,7 +105,7 @@ async def test_another_programs_throttle_is_noticed(rig):
     await rig.driving()
     rig.chip.open(1, 0x40).write(bytes((codec.output(0),)) + codec.counts(1900.0, 0x65))
     rig.chip.open_buses -= 1
-    await rig.until(lambda: rig.driver.state is None)
+    await until(lambda: rig.driver.state is None)
     assert rig.driver.health.link is not LinkState.READY
 
 
@@ -120,7 +116,7 @@ async def test_without_a_command_timeout_it_is_slow_and_says_so(rig):
 
 
 async def test_where_the_scans_tell_no_speed_it_is_slow_and_says_so(rig):
-    await rig.until(lambda: rig.driver.health.link is LinkState.READY)
+    await until(lambda: rig.driver.health.link is LinkState.READY)
     assert rig.driver.send(Drive(2.0, 0.0))
     assert rig.esc.speed_mps == pytest.approx(SETTINGS.blind_speed_mps, abs=0.05)
     assert "the scans do not tell the speed: 0.5 m/s at most" in rig.driver.words
@@ -155,17 +151,11 @@ async def test_a_socket_carries_the_transfers_of_another_process(tmp_path):
     driver = Pca9685(SETTINGS.model_copy(update={"socket": str(tmp_path / "i2c")}), clock=clock)
     running = asyncio.create_task(driver.run())
 
-    def link() -> LinkState:
-        return driver.health.link
-
-    async with asyncio.timeout(6.0):
-        while link() is not LinkState.READY:
-            await asyncio.sleep(0.01)
-        assert driver.send(Drive(0.5, 0.1))
-        assert esc.speed_mps == pytest.approx(0.5, abs=0.05)
-        chip.unplugged = True
-        while link() is not LinkState.ABSENT:
-            await asyncio.sleep(0.01)
+    await until(lambda: driver.health.link is LinkState.READY)
+    assert driver.send(Drive(0.5, 0.1))
+    assert esc.speed_mps == pytest.approx(0.5, abs=0.05)
+    chip.unplugged = True
+    await until(lambda: driver.health.link is LinkState.ABSENT)
     assert "no acknowledgement" in driver.health.message
     await end(running)
     server.close()

@@ -6,6 +6,7 @@ import resource
 
 import pytest
 
+from tests.waiting import until
 from wallride.runtime.host.computer import HOT_C, read_computer
 from wallride.runtime.tasks.computer import NO_DESCRIPTOR, ComputerWatch
 
@@ -114,7 +115,5 @@ async def test_the_watch_reads_by_itself(tree):
     watch = ComputerWatch(lambda: read_computer(tree.root))
     assert math.isnan(watch.reading.temperature_c)
     watching = asyncio.create_task(watch.watch())
-    async with asyncio.timeout(10):
-        while watch.status()["zone"] != "x86_pkg_temp":
-            await asyncio.sleep(0.01)
+    await until(lambda: watch.status()["zone"] == "x86_pkg_temp")
     watching.cancel()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.own_drivers import HEAD, driver_file
+from tests.waiting import until
 from wallride.doctor.lidar import LidarReport, judge_lidar
 from wallride.drivers.api import Health, LinkState, Scan
 from wallride.drivers.scan_check import ScanCheck
@@ -240,9 +241,7 @@ async def test_a_driver_that_blocks_the_loop_is_told_with_its_line(driver_file):
     name = driver_file(DRIVER.format(then="time.sleep(0.6)"))
     one = lidar(name, time.monotonic)
     task = asyncio.create_task(one.run(lambda _scan: None))
-    async with asyncio.timeout(5):
-        while one.health.link is not LinkState.FAULTY:
-            await asyncio.sleep(0.01)
+    await until(lambda: one.health.link is LinkState.FAULTY)
     task.cancel()
     await asyncio.wait({task})
     assert f"{name} held the car up for 0." in one.health.message

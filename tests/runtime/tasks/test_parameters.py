@@ -6,6 +6,7 @@ import logging
 
 import pytest
 
+from tests.waiting import until
 from wallride.runtime.parameters.history import ChangeHistory, SettingChange
 from wallride.runtime.parameters.restart import RestartDesk
 from wallride.runtime.parameters.server import ParameterServer, ServerContext
@@ -64,12 +65,6 @@ async def keeping(tmp_path, monkeypatch):
     yield history, file
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
-
-
-async def until(condition):
-    async with asyncio.timeout(5):
-        while not condition():
-            await asyncio.sleep(0.001)
 
 
 async def test_changes_are_written_down_and_read_again(keeping, caplog):

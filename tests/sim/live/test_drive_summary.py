@@ -14,6 +14,7 @@ from rich.console import Console
 
 from tests.runtime.control.line_following.lines import circle
 from tests.sim.live.emulated import car, running
+from tests.waiting import until
 from wallride import cli
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.runtime.parameters.history import SettingChange
@@ -183,9 +184,7 @@ async def test_emulate_tells_it_while_the_car_drives(tmp_path):
     async with running(one):
         await asyncio.sleep(0.1)
         time.sleep(0.4)  # what a computer with other work does to a process
-        async with asyncio.timeout(10):
-            while not said:
-                await asyncio.sleep(0.01)
+        await until(lambda: said)
     assert said[0].startswith("this computer is too busy to be a car")
 
 

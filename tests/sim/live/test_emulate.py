@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 from tests.sim.live.emulated import car, running
+from tests.waiting import until
 from wallride.cli import main
 from wallride.drivers.address import parse_address
 from wallride.drivers.api import LinkState, Scan
@@ -76,9 +77,7 @@ async def test_other_devices_are_reached_by_their_drivers(driver, place, tmp_pat
         motor = motor_for(settings.motor.model_copy(update={addresses.motor_key: addresses.motor}), clock=clock)
         scans: list[Scan] = []
         tasks = [asyncio.create_task(lidar.run(scans.append)), asyncio.create_task(motor.run())]
-        async with asyncio.timeout(20.0):
-            while not scans or motor.health.link is not LinkState.READY:
-                await asyncio.sleep(0.05)
+        await until(lambda: scans and motor.health.link is LinkState.READY, 20.0)
         await end(*tasks)
 
 

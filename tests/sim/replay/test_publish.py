@@ -14,6 +14,7 @@ import pytest
 import wallride
 from tests.sim.replay.recorded import options
 from tests.typed import telling
+from tests.waiting import until
 from wallride.clients import logs, parameters, status
 from wallride.clients.connection import Cars, ConnectionProblemError
 from wallride.clients.fleet import cars, stop
@@ -33,12 +34,6 @@ from wallride.sim.replay.player import Player
 from wallride.sim.replay.publish import Broadcast
 
 ROOT = Path(__file__).resolve().parents[3]
-
-
-async def until(condition):
-    async with asyncio.timeout(15):
-        while not condition():
-            await asyncio.sleep(0.005)
 
 
 @pytest.fixture

@@ -1,12 +1,12 @@
 """`wallride doctor` and `check --devices` as commands, on `wallride emulate` as a process."""
 
-import asyncio
 import json
 import signal
 from contextlib import asynccontextmanager
 
 import pytest
 
+from tests.waiting import until
 from wallride.bringup import doctor_options
 from wallride.cli import main
 from wallride.doctor.findings import EXIT_CODES, Level, as_json, exit_code, fail, line, ok, summary, warn, worst
@@ -21,9 +21,7 @@ async def emulated(folder, *options):
     devices = WallrideProcess(["emulate", "--folder", str(folder), "--port", "0", "--duration", "60", *options])
     await devices.start()
     try:
-        async with asyncio.timeout(30):
-            while sum(text.startswith("--set ") for text in devices.log) < 2:
-                await asyncio.sleep(0.05)
+        await until(lambda: sum(text.startswith("--set ") for text in devices.log) >= 2, 30)
         yield folder / "car.toml"
     finally:
         devices.kill(signal.SIGINT)
