@@ -7,6 +7,8 @@ import time
 
 import pytest
 
+from tests.system.timed_drive import drive_for
+from tests.waiting import until
 from wallride.clients.parameters import ask
 from wallride.drivers.api import Drive
 from wallride.runtime.app import Car, CarSurroundings
@@ -33,8 +35,8 @@ SECTIONS = {
 class Lab:
     """A car between two walls that are 0.05 m farther away than wanted."""
 
-    def __init__(self, clock, file=None, bus=None, sections=SECTIONS):
-        self.settings = Settings.model_validate(sections)
+    def __init__(self, clock, file=None, bus=None):
+        self.settings = Settings.model_validate(SECTIONS)
         self.motor = MemoryMotor(clock)
         self.scan_times_s = []
         self.lidar = MemoryLidar(self._scan, clock)
@@ -56,17 +58,12 @@ class Lab:
         return [drive for when_s, drive in self.motor.wire if when_s <= at_s][-1].speed_mps
 
 
-def virtual(seconds, *events, **options):
+def virtual(seconds, *events):
     """Drive for so long in virtual time; events are (time, function of the lab)."""
 
     async def main():
-        loop = asyncio.get_running_loop()
-        lab = Lab(loop.time, **options)
-        stop = asyncio.Event()
-        for at_s, event in events:
-            loop.call_at(at_s, event, lab)
-        loop.call_at(seconds, stop.set)
-        await lab.car.drive(stop)
+        lab = Lab(asyncio.get_running_loop().time)
+        await drive_for(seconds, lab.car, lab, events)
         return lab
 
     return run_virtual(main())
@@ -99,7 +96,7 @@ def test_a_lower_limit_holds_at_once_and_a_higher_one_is_refused():
 
 def test_a_law_is_exchanged_only_while_the_car_stands():
     def exchange(lab):
-        lab.set(wall_follow__method="report")
+        lab.set(wall_follow__method="ball")
 
     def try_it(lab):
         with pytest.raises(Exception, match="only while the car stands"):
@@ -111,7 +108,7 @@ def test_a_law_is_exchanged_only_while_the_car_stands():
     lab = virtual(
         6.0, (2.0, try_it), (3.0, stop), (4.0, exchange), (4.5, lambda lab: lab.set(wall_follow__speed_mps=1.0))
     )
-    assert lab.car.laws.wall_follow.method == "report"
+    assert lab.car.laws.wall_follow.method == "ball"
     assert lab.speed_at_mps(3.5) == 0.0
     assert lab.speed_at_mps(5.9) == 1.0
 
@@ -139,12 +136,6 @@ def test_a_shorter_expiry_is_obeyed():
     lab = virtual(4.0, (3.0, blink))
     stops = [when_s for when_s, drive in lab.motor.wire if 3.1 < when_s < 3.9 and drive.speed_mps == 0]
     assert stops, "words that expire before the next scan let the car stop in between"
-
-
-async def until(condition):
-    async with asyncio.timeout(15):
-        while not condition():
-            await asyncio.sleep(0.005)
 
 
 async def test_over_the_bus_a_new_gain_steers_within_two_scans(tmp_path):
