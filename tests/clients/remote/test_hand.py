@@ -69,6 +69,7 @@ def test_a_send_after_the_scripts_own_e_stop_is_refused(script):
     script.hand.press_e_stop()
     script.run(0.1, (1.0, 0.1))
     assert script.hand.trouble == "e-stop"
+    assert script.rig.e_stop.latched
 
 
 def test_a_script_that_stalls_stops_the_car_and_does_not_go_on_by_itself(script):
@@ -100,13 +101,6 @@ def test_an_e_stop_of_another_client_takes_the_deadman_for_good(script):
     script.rig.desk._press_e_stop("bob")
     assert script.run(0.2, (1.0, 0.1)).speed_mps == 0.0
     assert script.hand.trouble != ""
-
-
-def test_the_script_presses_the_e_stop_itself(script):
-    script.run(0.2, (1.0, 0.1))
-    script.hand.press_e_stop()
-    script.run(0.1)
-    assert script.rig.e_stop.latched
 
 
 def test_a_lost_link_takes_the_deadman(script):

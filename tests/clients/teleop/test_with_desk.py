@@ -5,13 +5,13 @@ from dataclasses import replace
 import pytest
 
 from tests.clients.teleop.scenes import DEAD, LINEAR, SESSION, hands
-from tests.runtime.operator_rig import AUTO_MPS, BEAT_S, Rig
+from tests.runtime.operator_rig import BEAT_S, Rig
 from wallride.clients.teleop.inputs import Control
 from wallride.clients.teleop.pilot import DeadmanFault, Pilot
 from wallride.runtime.arbitration.command import Source
 from wallride.runtime.wire.teleop import Press
 
-MANUAL, AUTONOMY, ESTOP, RESET, TAKE_OVER = map(Control, ("manual", "autonomy", "estop", "reset", "take_over"))
+MANUAL = Control("manual")
 STRANGER = 5
 DRIVING = hands(MANUAL, speed=1.0)
 
@@ -65,15 +65,6 @@ def test_drive_release_drive(road):
     assert 0 <= road.pilot.situation.round_trip_s <= BEAT_S
 
 
-def test_the_permit_lets_autonomy_go_while_it_is_held():
-    road = Road("required")
-    road.hold(hands())
-    road.hold(hands(AUTONOMY))
-    assert road.rig.speed_mps == AUTO_MPS
-    road.hold(hands(), BEAT_S)
-    assert road.rig.speed_mps == 0
-
-
 TROUBLES = {
     "the pad is unplugged": DEAD,
     "an axis is not to be trusted": hands(MANUAL, speed=1.0, steering=float("nan")),
@@ -118,49 +109,6 @@ def test_a_paused_client_stops_the_car_and_its_return_moves_nothing(road):
     assert road.rig.speed_mps == 0
     assert road.hold(DRIVING, 2.0) == 0
     road.drive()
-
-
-def test_e_stop_and_its_reset(road):
-    road.drive()
-    assert road.hold(hands(ESTOP, MANUAL, speed=1.0), BEAT_S) == 0
-    assert road.hold(DRIVING, 1.0) == 0
-    road.hold(hands(), 0.5)
-    assert "operator" in road.rig.desk.view().e_stop
-    assert road.hold(hands(RESET), 1.2) == 0
-    assert road.rig.desk.view().e_stop == {}
-    assert road.rig.faults_cleared == 1
-    road.drive()
-
-
-def test_both_bumpers_are_an_e_stop(road):
-    road.drive()
-    assert road.hold(hands(MANUAL, AUTONOMY, speed=1.0), BEAT_S) == 0
-    assert road.rig.standing == "e-stop"
-
-
-def test_two_operators_the_second_is_told_and_takes_over_deliberately(road):
-    bob = road.rig.client("bob", STRANGER)
-    bob.click()
-    road.hold(hands(), BEAT_S)
-    bob.send(Press.MANUAL)
-    for _ in range(3):
-        road.hold(hands(), BEAT_S)
-        bob.send(Press.MANUAL)
-    assert (road.pilot.situation.block, road.pilot.situation.operator_name) == (DeadmanFault.OTHER, "bob")
-    for _ in range(60):
-        road.hold(hands(TAKE_OVER), BEAT_S)
-        bob.send(Press.MANUAL)
-    assert road.pilot.situation.mine
-    assert road.rig.speed_mps == 0
-    road.drive()
-
-
-def test_goodbye_frees_the_car(road):
-    road.drive()
-    for _ in range(3):
-        road.rig.desk.receive("", road.pilot.goodbye(DRIVING.kind).pack(), road.rig.now_s)
-    assert road.rig.decision.driver is not Source.TELEOP
-    assert road.rig.desk.view().operator == ""
 
 
 def test_a_lost_device_of_the_car_wants_a_release(road):

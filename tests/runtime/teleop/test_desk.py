@@ -86,17 +86,6 @@ def test_with_permit_always_an_explicit_release_lets_autonomy_go_on():
     assert rig.speed_mps == AUTO_MPS
 
 
-def test_from_one_deadman_to_the_other_without_a_gap():
-    rig = Rig("required")
-    ann = rig.client()
-    ann.click(MANUAL)
-    ann.send(AUTONOMY)
-    assert rig.decision.driver is Source.NAVIGATION
-    assert rig.speed_mps == AUTO_MPS
-    ann.send(MANUAL)
-    assert rig.speed_mps == HAND_MPS
-
-
 def test_a_new_session_that_holds_already_is_not_obeyed(rig, ann):
     ann.hold(MANUAL, 1.0)
     assert rig.decision.driver is not Source.TELEOP
