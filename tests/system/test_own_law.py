@@ -234,23 +234,6 @@ def test_a_law_that_fails_where_the_starts_of_several_cars_are_looked_for_is_nam
     assert "wallride: late_law:Law raised ValueError: lost (late_law.py:11); a car alone drove" in said
 
 
-@pytest.mark.parametrize(
-    ("name", "sentence"),
-    [
-        ("gone:Law", "there is no gone.py in "),
-        ("bad:Lost", "bad.py has no class Lost; it has Law"),
-        ("bad:law", "bad.py has no class law; did you mean Law?"),
-        ("bad.py:Law", "write module:Class, for example my_laws:Follower"),
-    ],
-)
-def test_a_wrong_file_or_class_ends_the_start_with_one_sentence(tmp_path, here, name, sentence):
-    (tmp_path / "bad.py").write_text("from wallride.laws import Guidance\nclass Law:\n  pass\n")
-    code, said = here("run", "--set", f"wall_follow.method={name}")
-    assert code == 2
-    assert sentence in said
-    assert said.count("\n") == 1
-
-
 @pytest.mark.parametrize("command", [["run"], ["check"], ["sim", "--headless"], ["lab", "walls", "--method"]])
 def test_a_law_that_cannot_be_loaded_ends_each_command_with_one_sentence(tmp_path, here, command):
     (tmp_path / "bad.py").write_text("class Law:\n    def __init__(self, settings, car): ...\n")

@@ -92,13 +92,3 @@ async def test_a_controller_that_contradicts_itself_is_held_with_the_remedy_in_t
         setattr(car.vesc, trouble, True)
         await car.until(lambda: any(words in line for line in car.runtime.log), "the fault is said", STARTS_WITHIN_S)
         await car.until(lambda: car.motor_commands()[-1][1][0] == Packet.SET_CURRENT_BRAKE, "braking")
-
-
-async def test_a_lidar_that_repeats_one_scan_stops_the_car_and_is_named(tmp_path):
-    async with bench(tmp_path) as car:
-        await car.until_driving()
-        car.scip.frozen = True
-        await car.until(lambda: any("the lidar repeats one scan" in line for line in car.runtime.log), "it is said")
-        await car.until(lambda: car.wheel_mps == 0, "standing")
-        car.scip.frozen = False
-        await car.until_driving()

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from tests.promises import promise
-from tests.system.bench import BLOCKED_MM, CORRIDOR_MM, bench
+from tests.system.bench import CORRIDOR_MM, bench
 from wallride.drivers.vesc.codec import Packet
 
 BRAKE_WITHIN_S = 0.25
@@ -48,16 +48,6 @@ async def test_after_kill_9_the_vescs_own_timeout_stops_the_car(tmp_path):
         killed_s = time.monotonic()
         await car.until(lambda: car.vesc.demand(time.monotonic()).kind != "speed", "exit: the VESC lets go", 1.0)
         promise("the VESC's timeout", time.monotonic() - killed_s, 0.3)
-
-
-async def test_an_obstacle_brakes_and_a_free_way_drives_on(car):
-    car.scan_mm = BLOCKED_MM
-    blocked_s = time.monotonic()
-    await car.until(lambda: car.wheel_mps == 0, "standing")
-    took_s = car.first_brake_s(blocked_s) - blocked_s
-    car.scan_mm = CORRIDOR_MM
-    await car.until_driving()
-    promise("braking for an obstacle", took_s, BRAKE_WITHIN_S)
 
 
 async def test_a_silent_lidar_brakes_and_a_talking_one_drives_on(car):

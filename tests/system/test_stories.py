@@ -12,7 +12,7 @@ import pytest
 from tests.system.timed_drive import drive_for
 from tests.tiers import slow
 from wallride.clients.decoding import decode
-from wallride.drivers.api import Drive, LinkState
+from wallride.drivers.api import Drive
 from wallride.runtime.app import Car
 from wallride.runtime.arbitration.command import DriveCommand, Source
 from wallride.runtime.arbitration.permit import NOT_GRANTED
@@ -124,12 +124,6 @@ def test_it_ticks_on_in_silence():
     assert max(after - before for before, after in pairwise(times)) < 0.0206
 
 
-def test_it_drives_on_when_the_lidar_is_back():
-    story = Story().run(6.0, (2.0, silence), (4.0, clear))
-    assert story.speed_at(3.9) == 0
-    assert story.speed_at(5.9) == 1.0
-
-
 def test_a_frozen_scan_delivered_late_does_not_drive():
     def late(story):
         story.lidar.late_s = 0.2
@@ -180,24 +174,6 @@ def test_after_an_unplugged_motor_it_resumes_only_as_the_settings_allow(permit, 
     back = next(drive for when_s, drive in story.motor.wire if when_s > 3.0)
     assert abs(back.speed_mps) <= 0.2 + 1e-9, "a motor that comes back is not met by full speed"
     assert story.speed_at(5.9) == speed_afterwards
-
-
-def test_a_lost_lidar_takes_the_permit_back():
-    def grant(story):
-        story.car.permit.grant(until_s=100.0)
-
-    def lose(story):
-        story.lidar.health.link = LinkState.ABSENT
-        silence(story)
-
-    def find(story):
-        story.lidar.health.link = LinkState.READY
-        clear(story)
-
-    story = Story(operator={"permit": "required"}).run(6.0, (0.5, grant), (2.0, lose), (4.0, find))
-    assert story.speed_at(1.9) == 1.0
-    assert story.speed_at(5.9) == 0
-    assert story.car.mux.output.decision.reason == "the lidar was lost; permit again"
 
 
 def test_a_motor_fault_is_latched():

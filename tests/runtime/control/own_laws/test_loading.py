@@ -46,6 +46,7 @@ def test_a_wrong_file_class_or_name_is_said_with_the_remedy(law_file, tmp_path):
     assert f"there is no nowhere_22.py in {tmp_path}" in missing
     assert "process.laws_folder" in missing
     assert "has no class Lav; did you mean Law?" in refusal(f"wall_follow.method={name[:-1]}v")
+    assert "has no class Lost; it has Law" in refusal(f"wall_follow.method={name[:-3]}Lost")
     assert refusal("wall_follow.method=my_laws.py:Law").count("write module:Class, for example my_laws:Follower") == 1
     known = ", ".join(f"'{name_of(law)}'" for law in METHODS["wall_follow"])
     assert f"input should be {known}, 'module:Class'" in refusal("wall_follow.method=bal")
