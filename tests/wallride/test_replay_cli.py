@@ -36,11 +36,6 @@ def wallride(*arguments):
     return options.run(options)
 
 
-def test_the_same_is_0(drive, capsys):
-    assert wallride("replay", drive) == 0
-    assert capsys.readouterr().out.endswith(": identical\n")
-
-
 @pytest.mark.parametrize("command", [["replay"], ["report", "-o", "page.html"]])
 def test_without_a_file_the_newest_recording_is_taken_and_named(command, drive, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("HOME", str(tmp_path))
@@ -166,13 +161,6 @@ def test_what_cannot_be_read_is_2_and_one_line(arguments, words, capsys):
 def test_a_wrong_setting_is_2_and_one_line(drive, capsys):
     assert wallride("replay", drive, "--set", "safety.nothing=1") == 2
     assert capsys.readouterr().err.startswith("wallride: --set: safety.nothing is not a setting; known here: ")
-
-
-def test_the_report_is_written(drive, tmp_path, capsys):
-    target = tmp_path / "run.html"
-    assert wallride("report", drive, "-o", target) == 0
-    assert target.read_text().startswith("<!doctype html>")
-    assert str(target) in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("speed", ["0", "-1", "1000", "fast"])

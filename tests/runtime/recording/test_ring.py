@@ -16,19 +16,9 @@ from wallride.runtime.recording.ring import (
     file_named,
     folders,
     in_order_of_leaving,
-    keep,
     parse,
 )
 from wallride.runtime.settings.recording import RecordingSettings
-
-
-def test_a_kept_recording_is_kept_already(tmp_path):
-    path = tmp_path / "20260101T000000Z-b0001-00001.mcap"
-    path.touch()
-    kept = keep(path)
-    assert kept.is_file()
-    assert keep(kept) == kept
-    assert not path.exists()
 
 
 def test_an_absolute_path_is_not_looked_for_elsewhere(tmp_path):

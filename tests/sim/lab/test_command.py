@@ -104,14 +104,6 @@ def test_another_distance_is_asked_for_started_at_and_counted_against():
     assert {one.desired_m for one in cells} == {0.6}
 
 
-def test_ctrl_c_leaves_quietly(monkeypatch):
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("wallride.sim.lab.command.measure_all", interrupted)
-    assert run(options("walls", "--quick")) == 130
-
-
 def test_the_full_plan_holds_what_the_issue_names():
     full = chosen(options("walls", "--method", "report"))
     assert len(walls.cells(full)) == len(ALL_COURSES) * 4 * 3 * 2

@@ -13,7 +13,6 @@ from wallride.runtime.recording import channels
 from wallride.runtime.recording.decision_log import DecisionEvent
 from wallride.runtime.recording.disk import Disk
 from wallride.runtime.recording.mcap_file import McapFile
-from wallride.runtime.settings.tree import SettingsError
 from wallride.runtime.wire import topics
 from wallride.sim.recordings import RecordingError
 from wallride.sim.replay.difference import CLOSE
@@ -106,13 +105,6 @@ def test_another_gain_is_found_at_the_first_scan_that_it_changes(log):
     )
 
 
-def test_a_setting_of_the_follower_is_found_at_the_first_scan(log):
-    first = reenact(log, ["wall_follow.speed_mps=1.9"]).first
-    assert first is not None
-    assert (first.scan, first.what) == (0, "the follower's speed [m/s]")
-    assert (first.recorded, first.replayed) == (2.0, 1.9)
-
-
 def test_a_setting_that_changes_nothing_is_no_difference(log):
     assert reenact(log, ["wall_follow.speed_mps=2.0", "log.level=ERROR"]).first is None
 
@@ -154,11 +146,6 @@ def test_a_tape_of_another_format_is_refused_with_the_remedy(log, tmp_path):
     path = rewritten(log, tmp_path, change=lambda payload: payload.replace(b'"tape":1', b'"tape":9', 1))
     with pytest.raises(RecordingError, match="replay it with the version that recorded it"):
         reenact(read_log(path))
-
-
-def test_a_setting_that_does_not_exist_is_refused_by_name(log):
-    with pytest.raises(SettingsError, match=r"^--set: wall_follow.sped is not a setting"):
-        reenact(log, ["wall_follow.sped=1"])
 
 
 def rewritten(log, folder, *, leave_out=lambda message: False, change=lambda payload: payload):
