@@ -4,18 +4,12 @@ import asyncio
 import json
 import math
 
-import numpy as np
 import pytest
 
-from tests.clients.speaking_car import client_bus, options, speaking_car
-from tests.runtime.observed import RANGES_M
-from tests.runtime.ros.samples import read_as_foxglove_does
+from tests.clients.speaking_car import options, speaking_car
 from wallride.clients import topics
 from wallride.clients.connection import ConnectionProblemError
 from wallride.clients.topics import KINDS, RateMeter, split_topic
-from wallride.runtime.ros.definitions import TYPES
-from wallride.runtime.settings.telemetry import RatesHz
-from wallride.runtime.wire import topics as wire_topics
 
 
 async def told_at_once(*commands):
@@ -91,21 +85,6 @@ async def test_a_topic_that_says_nothing_is_explained(monkeypatch):
         parsed, _ = options(car, "topic", "hz", "teleop")
         with pytest.raises(ConnectionProblemError, match="car1 says nothing on teleop: a silent voice has no topic"):
             await topics.run(parsed)
-
-
-async def test_an_independent_reader_decodes_scan_odometry_and_output_from_the_wire():
-    wanted = (wire_topics.SCAN, wire_topics.ODOM, wire_topics.OUTPUT)
-    heard = {}
-    async with speaking_car(rates=RatesHz(scan=40)) as car, client_bus(car.endpoint) as reader, asyncio.timeout(10):
-        for topic in wanted:
-            reader.subscribe(wire_topics.key("car1", topic), lambda key, payload, _: heard.update({key: payload}))
-        while len(heard) < len(wanted):
-            await asyncio.sleep(0.01)
-    scan, odom, output = (read_as_foxglove_does(TYPES[t], heard[wire_topics.key("car1", t)]) for t in wanted)
-    np.testing.assert_array_equal(np.array(scan.ranges, np.float32), RANGES_M)
-    assert scan.header.frame_id == "laser"
-    assert (odom.child_frame_id, odom.pose.pose.orientation.w) == ("base_link", 1.0)
-    assert (output.drive.speed, round(output.drive.steering_angle, 6)) == (1.0, 0.1)
 
 
 @pytest.mark.parametrize("text", ["scan", "/scan", "wallride/car1/scan", "/wallride/car1/scan"])
