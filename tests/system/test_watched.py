@@ -12,16 +12,10 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from tests.clients.monitor.browser import find_chromium
 from tests.promises import promise
 from tests.system.watched import OPERATOR, brake_s, moves, watched
 
-pytestmark = [
-    pytest.mark.timeout(150),
-    pytest.mark.skipif(
-        find_chromium() is None, reason="no Chromium here: apt-get install chromium, or set WALLRIDE_CHROMIUM to one"
-    ),
-]
+pytestmark = pytest.mark.timeout(150)
 
 log = logging.getLogger("wallride.measured")
 

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.clients.monitor.browser import find_chromium
 from tests.system.watched import watched
 
 MINUTES = float(os.environ.get("WALLRIDE_SOAK_MINUTES", "0.15"))
@@ -25,12 +24,7 @@ LIMITS = {"server_own_mib": (8.0, 1.5), "heap_mb": (2.0, 0.3), "page_own_mib": (
 AWAY_S = 2.0
 BACK_WITHIN_S = 20.0
 
-pytestmark = [
-    pytest.mark.timeout(MINUTES * 60 + 120),
-    pytest.mark.skipif(
-        find_chromium() is None, reason="no Chromium here: apt-get install chromium, or set WALLRIDE_CHROMIUM to one"
-    ),
-]
+pytestmark = pytest.mark.timeout(MINUTES * 60 + 120)
 
 MARK = """(() => {
   window.marked = wallride.plots.strips.map(({ lines }) => lines.map(({ series }) => {

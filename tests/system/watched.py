@@ -16,7 +16,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-from tests.clients.monitor.browser import Browser, Page, chromium
+from tests.clients.monitor.browser import Browser, Page, chromium, needs_chromium
 from tests.runtime.recording.reading import STORE, streamed
 from wallride.clients.decoding import decode
 from wallride.drivers.vesc.codec import Packet, VescDeframer
@@ -185,6 +185,7 @@ def moves(motor: "list[tuple[float, bytes]]", since_s: float, until_s: float) ->
 @asynccontextmanager
 async def watched(tmp_path: Path, world: str, *settings: str, longest_s: float = 120.0) -> AsyncIterator[Watched]:
     """Start everything on free ports; every process is ended on every way out."""
+    needs_chromium()
     endpoint, port = free_endpoint(), int(free_endpoint().rpartition(":")[2])
     kept = tmp_path / "kept"
     assignments = [f"telemetry.listen={endpoint}", f"recording.folder={kept}", *settings]
