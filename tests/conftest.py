@@ -29,6 +29,8 @@ with pytest.MonkeyPatch.context() as at_import:  # in this process only: those t
         pytest_runtest_setup,
         pytest_runtest_teardown,
     )
+    from tests.own_drivers import driver_file  # noqa: F401 - fixture
+    from tests.own_laws import law_file  # noqa: F401 - fixture
     from tests.tiers import (  # noqa: F401 - hooks
         pytest_addoption,
         pytest_ignore_collect,

@@ -4,8 +4,6 @@ import itertools
 
 import pytest
 
-from wallride.runtime.control.own_laws import law_class
-
 HEAD = "import math, sys, time\nfrom wallride.laws import Guidance, Limit, LawSettings\n"
 NUMBERS = itertools.count()
 
@@ -17,7 +15,6 @@ def law_file(tmp_path, monkeypatch):
     The body's first line is line 4 of the file.
     """
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(law_class, "_loaded", {})
     monkeypatch.setattr("sys.path", [*__import__("sys").path])
     monkeypatch.setattr("wallride.runtime.host.user_module._folders", [])
 

@@ -5,14 +5,12 @@ import sys
 
 import pytest
 
-from tests.own_laws import STRAIGHT, law_file
+from tests.own_laws import STRAIGHT
 from wallride.cli import main
 from wallride.doctor.program import laws_open_to_others
 from wallride.runtime.host.ownership import changed_by_others
 from wallride.runtime.host.user_module import UserCodeError, import_module
 from wallride.runtime.settings.tree import SettingsError, load_settings
-
-__all__ = ["law_file"]
 
 
 @pytest.fixture

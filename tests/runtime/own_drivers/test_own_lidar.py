@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.own_drivers import HEAD, driver_file
+from tests.own_drivers import HEAD
 from tests.waiting import until
 from wallride.doctor.lidar import LidarReport, judge_lidar
 from wallride.drivers.api import Health, LinkState, Scan
@@ -23,7 +23,6 @@ from wallride.runtime.parameters.catalogue import catalogue
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
 from wallride.sim.virtual.virtual_time import run_virtual
 
-__all__ = ["driver_file"]
 DRIVER = """class Driver:
     def __init__(self, settings, clock):
         self.clock, self.health, self.number = clock, Health(), 0

@@ -5,13 +5,11 @@ import math
 
 import pytest
 
-from tests.own_drivers import driver_file
 from wallride.drivers.api import NOT_OPENED, Drive, LinkState
 from wallride.runtime.own_drivers.motor import OTHER_WAY, OwnMotor
 from wallride.runtime.own_drivers.settings import OwnMotorSettings
 from wallride.sim.virtual.virtual_time import run_virtual
 
-__all__ = ["driver_file"]
 DRIVER = """class Driver:
     def __init__(self, settings, clock):
         self.clock, self.health, self.state, self.sent = clock, Health(), None, []

@@ -2,12 +2,10 @@
 
 import pytest
 
-from tests.own_drivers import driver_file
 from tests.runtime.own_drivers.test_own_lidar import DRIVER
 from wallride.runtime.host.stop_signals import STOP_SIGNALS_HELD
 from wallride.runtime.settings.tree import SettingsError, load_settings
 
-__all__ = ["driver_file"]
 RAISES = {
     "validator": """from pydantic import field_validator
 class Own(DriverSettings):

@@ -6,14 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.own_laws import EASY, STRAIGHT, law_file
+from tests.own_laws import EASY, STRAIGHT
 from wallride.runtime.arbitration.command import LAB_ORDER, Source
 from wallride.runtime.control.method_settings import METHODS, name_of
 from wallride.runtime.control.report.settings import ReportFollowSettings
 from wallride.runtime.control.vehicle import NAME_RULE
 from wallride.runtime.settings.tree import Settings, SettingsError, load_settings, to_toml
-
-__all__ = ["law_file"]
 
 ROOT = Path(__file__).resolve().parents[3]
 

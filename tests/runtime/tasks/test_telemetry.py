@@ -9,7 +9,7 @@ from itertools import count
 import numpy as np
 import pytest
 
-from tests.own_laws import EASY, law_file
+from tests.own_laws import EASY
 from tests.runtime.observed import GUIDANCE, HandClock, check_told, make_observed, output_of, scan_at, speak
 from tests.runtime.ros.samples import ros_store
 from tests.runtime.telemetry.test_sinks import Ear
@@ -28,7 +28,6 @@ from wallride.runtime.telemetry.topic_writers import TopicWriters
 from wallride.runtime.wire import topics
 from wallride.runtime.wire.teleop import Command, Input, Press
 
-__all__ = ["law_file"]
 EPOCH_NS = 1_790_000_000_000_000_123
 STORE = ros_store()
 

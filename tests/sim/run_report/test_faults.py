@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.own_laws import STRAIGHT, law_file
+from tests.own_laws import STRAIGHT
 from tests.sim.replay.recorded import options, record
 from tests.sim.run_report.test_page import data_of
 from wallride.cli import main
@@ -23,8 +23,6 @@ from wallride.sim.replay.run import run_of
 from wallride.sim.run_report.page import page
 from wallride.sim.run_report.shown import shown
 from wallride.sim.run_report.track import spans
-
-__all__ = ["law_file"]
 
 ABSENT = {"link": "absent", "message": "unplugged"}
 READY = {"link": "ready", "message": "VESC"}

@@ -2,12 +2,10 @@
 
 import pytest
 
-from tests.own_laws import HEAD, INIT, STRAIGHT, law_file
+from tests.own_laws import HEAD, INIT, STRAIGHT
 from wallride.runtime.control.method_settings import METHODS, name_of
 from wallride.runtime.control.own_laws.law_class import loaded_files
 from wallride.runtime.settings.tree import SettingsError, load_settings
-
-__all__ = ["law_file"]
 
 
 def refusal(*assignments):

@@ -8,7 +8,7 @@ import signal
 import numpy as np
 import pytest
 
-from tests.own_laws import EASY, HEAD, INIT, STRAIGHT, follow, law_file, limit
+from tests.own_laws import EASY, HEAD, INIT, STRAIGHT, follow, limit
 from tests.runtime.control.scans import scan_of
 from tests.runtime.in_earnest import judged
 from wallride.drivers.api import MotorState
@@ -22,7 +22,6 @@ from wallride.runtime.recording.decision_log import DecisionLog
 from wallride.runtime.settings.tree import Settings, load_settings, to_toml
 from wallride.sim.virtual.devices import BEAMS, ranges_between_walls
 
-__all__ = ["law_file"]
 NO_PATH = "returned path_m and path_mps that are not the numbers of (2, n) places and (n,) speeds (FILE:5)"
 ROLLING = MotorState(100.0, 1.0, 0.0, 0.1)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import wallride.runtime
-from tests.own_laws import EASY, law_file
+from tests.own_laws import EASY
 from tests.runtime.in_earnest import judged
 from tests.runtime.observed import HandClock, scan_at
 from tests.runtime.reachable import reachable
@@ -19,7 +19,6 @@ from wallride.runtime.control.safety.swept import SweptAssessment
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.virtual.devices import ranges_between_walls
 
-__all__ = ["law_file"]
 SCANS = 12
 COMMIT = {"tasks/mux.py", "rehearsal.py", "control/own_laws/guard.py"}
 """The mux, a rehearsal in laws of its own, and what forwards their commit."""

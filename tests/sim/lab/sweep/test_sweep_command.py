@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.own_laws import HEAD, INIT, law_file  # noqa: F401 - a fixture
+from tests.own_laws import HEAD, INIT
 from tests.typed import typed
 from wallride.sim.lab.sweep.command import run
 from wallride.sim.lab.sweep.table import open_table
@@ -108,7 +108,7 @@ SOMETIMES = INIT + (
 )
 
 
-def test_a_failing_run_is_a_row_and_can_be_run_again(law_file, tmp_path, capsys):  # noqa: F811
+def test_a_failing_run_is_a_row_and_can_be_run_again(law_file, tmp_path, capsys):
     zero = tmp_path / "zero_22.py"
     zero.write_text("ZERO = 0\n")
     law = law_file(SOMETIMES, head=f"{HEAD}import zero_22\n")
