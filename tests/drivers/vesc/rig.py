@@ -9,6 +9,7 @@ from typing import Any
 from unittest import mock
 
 from tests import wire_time
+from tests.waiting import until
 from wallride.drivers import link
 from wallride.drivers.api import Drive, LinkLost, LinkState, MotorState
 from wallride.drivers.link import ByteLink
@@ -28,12 +29,6 @@ QUESTIONS = {Packet.FW_VERSION, Packet.GET_VALUES}
 def controller(folder: Path, **settings: Any) -> VescEmulator:
     """Return an emulated controller by the clock of the loop."""
     return VescEmulator(folder / "vesc", clock=asyncio.get_running_loop().time, **settings)
-
-
-async def until(met: Callable[[], object]) -> None:
-    async with asyncio.timeout(PATIENCE_S):
-        while not met():
-            await asyncio.sleep(0.001)
 
 
 def vesc_at(path: Path, **changes: float) -> Vesc:

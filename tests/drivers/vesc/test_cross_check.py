@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.drivers.vesc.rig import BRAKE, ready, seen, until
+from tests.drivers.vesc.rig import BRAKE, ready, seen
 from tests.drivers.vesc.test_condition import WELL
+from tests.waiting import until
 from wallride.drivers.api import Drive, Health, LinkState
 from wallride.drivers.vesc.calibration import Calibration
 from wallride.drivers.vesc.condition import VescMonitor

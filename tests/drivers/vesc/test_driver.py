@@ -9,7 +9,8 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from tests import wire_time
-from tests.drivers.vesc.rig import BRAKE, PATIENCE_S, controller, ready, running, seen, sent, until, vesc_at
+from tests.drivers.vesc.rig import BRAKE, PATIENCE_S, controller, ready, running, seen, sent, vesc_at
+from tests.waiting import until
 from wallride.drivers.api import Drive, LinkState, Motor
 from wallride.drivers.vesc import codec, driver
 from wallride.drivers.vesc.codec import MOTOR_PACKETS, Packet

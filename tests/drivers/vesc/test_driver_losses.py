@@ -7,19 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.drivers.vesc.rig import (
-    BRAKE,
-    CENTRE,
-    PATIENCE_S,
-    commands,
-    controller,
-    ready,
-    running,
-    seen,
-    sent,
-    until,
-    vesc_at,
-)
+from tests.drivers.vesc.rig import BRAKE, CENTRE, PATIENCE_S, commands, controller, ready, running, seen, sent, vesc_at
+from tests.waiting import until
 from wallride.drivers.api import Drive, LinkState
 from wallride.drivers.vesc import codec, driver
 from wallride.drivers.vesc.codec import Packet, frame

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from tests.drivers.golden import golden, needs_vectors
-from tests.drivers.vesc.rig import until
 from tests.runtime.observed import HandClock
+from tests.waiting import until
 from wallride.drivers.vesc import codec, replies
 from wallride.drivers.vesc.codec import Packet, VescDeframer, frame
 from wallride.sim.devices.vesc import MotorDemand, VescEmulator
