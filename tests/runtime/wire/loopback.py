@@ -1,7 +1,6 @@
 """Sessions of a car and its clients on loopback, for the tests of the bus."""
 
-import asyncio
-
+from tests.waiting import until
 from wallride.runtime.wire import zenoh_config
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.ports import free_endpoint
@@ -25,12 +24,5 @@ def both(*, limits=True):
     return Bus(car_config(endpoint, limits=limits)), client_of(endpoint)
 
 
-async def until(condition, what="it has come"):
-    async with asyncio.timeout(10):
-        while not condition():
-            await asyncio.sleep(0.005)
-    assert condition(), what
-
-
 async def connected(publisher, key=KEY):
-    await until(lambda: publisher.wanted(key), "the subscription has arrived")
+    await until(lambda: publisher.wanted(key))

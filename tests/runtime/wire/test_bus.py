@@ -9,7 +9,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from tests.runtime.wire.loopback import KEY, both, car_config, client_of, connected, until
+from tests.runtime.wire.loopback import KEY, both, car_config, client_of, connected
+from tests.waiting import until
 from wallride.runtime.wire import zenoh_config
 from wallride.runtime.wire.bus import Bus
 from wallride.runtime.wire.mailbox import MAX_DELIVERIES, Mailbox, PromptMailbox
@@ -43,7 +44,7 @@ async def test_a_subscriber_hears_everything_in_order_and_when_it_came(pair):
     before_s = time.monotonic()
     for i in range(50):
         client.put(KEY, bytes([i]), encoding="application/octet-stream", urgent=True)
-    await until(lambda: len(heard) == 50, "all have come")
+    await until(lambda: len(heard) == 50)
     assert [payload[0] for _, payload, _ in heard] == list(range(50))
     assert all(key == KEY and before_s <= arrival_s <= time.monotonic() for key, _, arrival_s in heard)
 
@@ -56,8 +57,8 @@ async def test_a_put_on_a_wildcard_does_not_reach_an_exact_subscription(pair):
     for wild in ("wallride/*/operator/command", "wallride/**", "**"):
         client.put(wild, b"wild")
     client.put(KEY, b"exact")
-    await until(lambda: heard, "the exact one has come")
-    await until(lambda: car.strays == 3, "the others were counted")
+    await until(lambda: heard)
+    await until(lambda: car.strays == 3)
     assert heard == [b"exact"]
 
 
@@ -92,9 +93,9 @@ async def test_a_token_is_seen_to_come_and_to_go(pair):
     seen = []
     client.watch("wallride/*/alive", lambda key, alive: seen.append((key, alive)))
     car.announce("wallride/car1/alive")
-    await until(lambda: seen == [("wallride/car1/alive", True)], "it is alive")
+    await until(lambda: seen == [("wallride/car1/alive", True)])
     await car.close()
-    await until(lambda: seen[-1] == ("wallride/car1/alive", False), "it is gone")
+    await until(lambda: seen[-1] == ("wallride/car1/alive", False))
 
 
 async def test_what_is_declared_before_it_opens_holds_afterwards_and_what_is_put_is_counted_as_lost():
@@ -107,7 +108,7 @@ async def test_what_is_declared_before_it_opens_holds_afterwards_and_what_is_put
     await client.open()
     await connected(client)
     client.put(KEY, b"now")
-    await until(lambda: heard == [b"now"], "it is heard")
+    await until(lambda: heard == [b"now"])
     await client.close()
     await car.close()
     car.put(KEY, b"too late")
@@ -143,7 +144,7 @@ async def test_a_burst_beyond_the_backlog_keeps_the_newest(pair):
         client.put(KEY, str(i).encode())
     client.put(KEY, b"1000")
     time.sleep(1.0)  # the loop is blocked, as in a stall, and zenoh's threads are not: the burst piles up behind it
-    await until(lambda: heard and heard[-1] == 1000, "the newest has come")
+    await until(lambda: heard and heard[-1] == 1000)
     assert heard == sorted(heard)
     assert len(heard) <= 257
 
@@ -168,7 +169,7 @@ async def test_a_flood_leaves_the_loop_its_turns(kind):
 
     mailbox.post((0,))
     loop.call_soon(turn)
-    await until(lambda: len(turns) == 10, "something else ran ten times")
+    await until(lambda: len(turns) == 10)
     assert max(after - before for before, after in itertools.pairwise(turns)) <= MAX_DELIVERIES
     assert flooded == list(range(len(flooded)))
     if kind is PromptMailbox:
@@ -188,9 +189,9 @@ async def test_a_receiver_that_raises_loses_its_message_and_not_the_subscription
     mailbox = kind(loop, deliver)
     for number in range(3):
         mailbox.post((number,))
-    await until(lambda: delivered == [0, 2], "what came in the same burst")
+    await until(lambda: delivered == [0, 2])
     mailbox.post((3,))
-    await until(lambda: delivered == [0, 2, 3], "what came later")
+    await until(lambda: delivered == [0, 2, 3])
     assert [str(error) for error in raised] == ["odd"]
     if kind is PromptMailbox:
         mailbox.close()
@@ -208,7 +209,7 @@ async def test_what_is_too_large_is_dropped_before_it_is_copied(pair):
     client.put(KEY, b"x" * 60)
     await asyncio.sleep(0.05)
     client.put(KEY, b"x" * 40)
-    await until(lambda: heard, "the other one has come")
+    await until(lambda: heard)
     assert [len(payload) for payload in heard] == [40]
     with pytest.raises(RefusedError, match="longer than 4096 bytes"):
         await client.ask("wallride/car1/param/get", b"x" * 4097)

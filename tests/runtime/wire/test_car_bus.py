@@ -10,7 +10,8 @@ import time
 import pytest
 import zenoh
 
-from tests.runtime.wire.loopback import KEY, car_config, client_of, connected, until
+from tests.runtime.wire.loopback import KEY, car_config, client_of, connected
+from tests.waiting import until
 from wallride.runtime.wire import ingress, zenoh_config
 from wallride.runtime.wire.car_bus import MAX_ANSWERS_PER_POLL, MAX_WAITING_SAMPLES, CarBus
 from wallride.runtime.wire.network import RefusedError
