@@ -4,6 +4,8 @@
 read, and the answer goes into the command queue. `apply` changes all settings that decide in one step.
 """
 
+from typing import Final
+
 from wallride.drivers.api import Clock, Drive, MotorState, Scan
 from wallride.runtime.arbitration.command import Decision, DriveCommand, SafetyAssessment, Source, SpeedLimit
 from wallride.runtime.arbitration.command_queue import CommandQueue
@@ -19,6 +21,7 @@ from wallride.runtime.settings.tree import Settings
 
 REQUIRED = frozenset({Source.SAFETY, Source.PERMIT})
 """Sources whose silence is a stop for every less urgent one."""
+NO_SPEED: Final = "wall_follow.speed_mps is 0"
 
 
 class LiveStack:
@@ -58,8 +61,10 @@ class LiveStack:
         self.decision_log.begin()
         guidance, self.answered_with = self.laws.follow(scan, motor), motor
         self.decision_log.add_follower(scan, motor, guidance)
-        drive = guidance.drive if guidance.drive is not None else Drive(0.0, 0.0)
-        word = DriveCommand(Source.NAVIGATION, drive, scan.stamp_s, guidance.reason, guidance.stuck, guidance.promise)
+        drive, reason = guidance.drive or Drive(0.0, 0.0), guidance.reason
+        if guidance.drive is not None and self.settings.wall_follow.speed_mps == 0.0:
+            reason = NO_SPEED
+        word = DriveCommand(Source.NAVIGATION, drive, scan.stamp_s, reason, guidance.stuck, guidance.promise)
         waits_s = self._rate.note(scan.stamp_s)
         self.queue.put(word, expires_at_s=scan.stamp_s + self.settings.wall_follow.expires_after_s + waits_s)
         return guidance

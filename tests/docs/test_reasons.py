@@ -14,6 +14,7 @@ PLACES = (
     *(RUNTIME / "control").rglob("*.py"),
     *(RUNTIME / "arbitration").rglob("*.py"),
     *(RUNTIME / "tasks" / f"{name}.py" for name in ("battery", "health", "mux", "safety", "scan_speed", "wall_follow")),
+    RUNTIME / "live_stack.py",
     RUNTIME / "teleop" / "desk.py",
     RUNTIME / "teleop" / "planners.py",
 )

@@ -64,6 +64,13 @@ def test_a_follower_without_an_answer_asks_for_standstill():
     assert desk.live()[Source.NAVIGATION].drive == Drive(0.0, 0.0)
 
 
+def test_a_follower_that_was_given_no_speed_names_the_setting():
+    desk = Desk("wall_follow.speed_mps=0")
+    desk.answer()
+    navigation = desk.live()[Source.NAVIGATION]
+    assert (navigation.drive.speed_mps, navigation.reason) == (0.0, "wall_follow.speed_mps is 0")
+
+
 def test_without_the_words_of_all_required_sources_nothing_moves():
     desk = Desk()
     desk.answer()
