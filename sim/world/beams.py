@@ -118,22 +118,8 @@ def sector(
     start = complex(at.x_m, at.y_m) + start_m * cmath.rect(1.0, yaw_rad)
     seen_m = surroundings.cast(start.real, start.imag, bearing_rad + yaw_rad)
     bearing_deg = np.degrees((bearing_rad + math.pi) % math.tau - math.pi)
-    for from_deg, to_deg, range_m in lidar.dirty_sectors:
-        hidden = (bearing_deg >= from_deg) & (bearing_deg <= to_deg)
-        seen_m = np.where(hidden, np.minimum(seen_m, range_m), seen_m)
-    lost = seen_m > lidar.range_max_m
-    seen_m = np.minimum(seen_m, lidar.range_max_m)
-    if lidar.noise_std_m:
-        seen_m = seen_m + rng.normal(0.0, lidar.noise_std_m, bearing_rad.size)
-    if lidar.outlier_share:
-        wild = rng.random(bearing_rad.size) < lidar.outlier_share
-        seen_m = np.where(wild, rng.uniform(0.02, min(10.0, lidar.range_max_m), bearing_rad.size), seen_m)
-        lost &= ~wild
-    if lidar.dropout_share:
-        lost |= rng.random(bearing_rad.size) < lidar.dropout_share
-    reported_mm = np.rint(np.maximum(seen_m, 0.0) * 1000.0).astype(np.int64)
-    reported_mm[lost] = NO_RETURN_MM
-    return reported_mm
+    noise_m = rng.normal(0.0, lidar.noise_std_m, seen_m.size) if lidar.noise_std_m else 0.0
+    return _reported_mm(np.minimum(seen_m, _dirt_m(bearing_deg, lidar)), noise_m, lidar, rng)
 
 
 def true_ranges_m(surroundings: Surroundings, pose: Pose, twist: Twist, lidar: LidarSettings) -> Floats:
@@ -180,15 +166,20 @@ class _Fan:
 @lru_cache(maxsize=16)
 def _fan(lidar: LidarSettings) -> _Fan:
     bearing_deg = np.linspace(lidar.first_deg, lidar.last_deg, lidar.beams)
-    dirt_m = np.full(lidar.beams, np.inf)
-    for from_deg, to_deg, range_m in lidar.dirty_sectors:
-        hidden = (bearing_deg >= from_deg) & (bearing_deg <= to_deg)
-        dirt_m[hidden] = np.minimum(dirt_m[hidden], range_m)
     own_m = np.full(lidar.beams, np.inf)
     if lidar.self_returns:
         own = np.arange(min(SELF_RETURN_BEAMS, lidar.beams))
         own_m[own] = 0.09 + 0.05 * np.sin(0.7 * own)  # a rough part of the car, not a smooth one
-    return _Fan(np.radians(bearing_deg), np.linspace(lidar.sweep_s, 0.0, lidar.beams), dirt_m, own_m)
+    ago_s = np.linspace(lidar.sweep_s, 0.0, lidar.beams)
+    return _Fan(np.radians(bearing_deg), ago_s, _dirt_m(bearing_deg, lidar), own_m)
+
+
+def _dirt_m(bearing_deg: Floats, lidar: LidarSettings) -> Floats:
+    dirt_m = np.full(bearing_deg.size, np.inf)
+    for from_deg, to_deg, range_m in lidar.dirty_sectors:
+        hidden = (bearing_deg >= from_deg) & (bearing_deg <= to_deg)
+        dirt_m[hidden] = np.minimum(dirt_m[hidden], range_m)
+    return dirt_m
 
 
 def _as_reported(ranges_m: Floats, lidar: LidarSettings, rng: np.random.Generator) -> Millimetres:
@@ -200,20 +191,27 @@ def _as_reported(ranges_m: Floats, lidar: LidarSettings, rng: np.random.Generato
     if lidar.own_parts != "none":
         parts = profile(lidar.own_parts, lidar.first_deg, lidar.last_deg, lidar.beams)
         seen_m, silent = seen_with_parts(seen_m, parts, rng, lidar.range_max_m)
+    return _reported_mm(seen_m, noise_m, lidar, rng, silent, fan.own_parts_m if lidar.self_returns else None)
+
+
+def _reported_mm(
+    seen_m: Floats, noise_m: Floats | float, lidar: LidarSettings, rng: np.random.Generator,
+    silent: Booleans | None = None, own_m: Floats | None = None,
+) -> Millimetres:  # fmt: skip
     lost = seen_m > lidar.range_max_m
     seen_m = np.minimum(seen_m, lidar.range_max_m)  # lost beams report nothing; this keeps them finite
     seen_m += noise_m
     if lidar.outlier_share:
-        wild = rng.random(lidar.beams) < lidar.outlier_share
-        seen_m = np.where(wild, rng.uniform(0.02, min(10.0, lidar.range_max_m), lidar.beams), seen_m)
+        wild = rng.random(seen_m.size) < lidar.outlier_share
+        seen_m = np.where(wild, rng.uniform(0.02, min(10.0, lidar.range_max_m), seen_m.size), seen_m)
         lost &= ~wild
     if silent is not None:
         lost |= silent
     if lidar.dropout_share:
-        lost |= rng.random(lidar.beams) < lidar.dropout_share
-    if lidar.self_returns:
-        own = np.isfinite(fan.own_parts_m)
-        seen_m = np.where(own, np.clip(fan.own_parts_m + 0.2 * noise_m, 0.03, 0.15), seen_m)
+        lost |= rng.random(seen_m.size) < lidar.dropout_share
+    if own_m is not None:
+        own = np.isfinite(own_m)
+        seen_m = np.where(own, np.clip(own_m + 0.2 * noise_m, 0.03, 0.15), seen_m)
         lost &= ~own
     np.maximum(seen_m, 0.0, out=seen_m)
     seen_m *= 1000.0
