@@ -190,8 +190,10 @@ class SerialDoor:
         self._ours, self._theirs = pty.openpty()
         tty.setraw(self._theirs)
         os.set_blocking(self._ours, False)
-        self._link.unlink(missing_ok=True)
-        self._link.symlink_to(os.ttyname(self._theirs))
+        fresh = self._link.with_name(self._link.name + ".new")
+        fresh.unlink(missing_ok=True)
+        fresh.symlink_to(os.ttyname(self._theirs))
+        fresh.replace(self._link)  # in one step, as udev does
         return self._ours
 
     def unplug(self) -> None:

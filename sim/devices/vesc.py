@@ -4,13 +4,10 @@ The simulator of the motor reads `demand(now_s)` and calls `report(...)`.
 """
 
 import asyncio
-import fcntl
 import os
 import random
 import struct
-import termios
 import time
-import tty
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +16,7 @@ from wallride.drivers.api import Clock
 from wallride.drivers.vesc import codec
 from wallride.drivers.vesc.codec import MOTOR_PACKETS, Packet
 from wallride.drivers.vesc.replies import STATUS_KILLED, STATUS_TIMED_OUT
+from wallride.sim.devices.scip_port import SerialDoor
 from wallride.sim.devices.vesc_logic import MotorDemand, VescLogic
 from wallride.sim.devices.vesc_replies import (
     CONTROLLER_ID,
@@ -84,18 +82,15 @@ class VescEmulator:
         self._turned = self._counted = self._counted_abs = 0
         self._to_dribble = bytearray()
         self._deaf = False
+        self._door = SerialDoor(link)
         self._master: int | None = None
-        self._slave = -1
         self._power_up()
 
     def start(self) -> None:
         """Plug the controller in; needs a running event loop."""
         self._loop = asyncio.get_running_loop()
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        os.set_blocking(self._master, False)
+        self._master = self._door.plug()
         self._deframer = codec.VescDeframer()
-        self._plant_link(os.ttyname(self._slave))
         if not self._deaf:
             self._loop.add_reader(self._master, self._on_readable)
 
@@ -104,10 +99,8 @@ class VescEmulator:
         if self._master is None:
             return
         self._loop.remove_reader(self._master)
-        os.close(self._slave)
-        os.close(self._master)
+        self._door.unplug()
         self._master = None
-        self.link.unlink(missing_ok=True)
 
     def replug(self) -> None:
         """Put the cable back, on what may be another terminal with the same link."""
@@ -197,17 +190,9 @@ class VescEmulator:
         )  # fmt: skip
         self.report(tachometer=self._turned)
 
-    def _plant_link(self, target: str) -> None:
-        fresh = self.link.with_name(self.link.name + ".new")
-        fresh.unlink(missing_ok=True)
-        fresh.symlink_to(target)
-        fresh.replace(self.link)  # in one step, as udev does
-
     def _on_readable(self) -> None:
         assert self._master is not None, "the reader is removed before the terminal is closed"  # noqa: S101
-        # The emulator's own slave descriptor keeps the terminal alive across the host's restarts, and with it the
-        # host's exclusive lock, which a real port drops at the last close.
-        fcntl.ioctl(self._slave, termios.TIOCNXCL)
+        self._door.allow_reopening()
         for payload in self._deframer.feed(os.read(self._master, _READ_BYTES)):
             self._on_payload(payload)
 
