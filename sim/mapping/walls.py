@@ -1,11 +1,11 @@
 """The walls of a mapped lap as points with normals, more exact than the cells of its grid."""
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from wallride.runtime.control.localization.wall_points import WallPoints, lines_through
 from wallride.sim.mapping.closing import ClosedLap
 from wallride.sim.mapping.raster import CELL_M, Raster
-from wallride.sim.world.pose import Booleans
 
 
 def walls_of(lap: ClosedLap, raster: Raster) -> WallPoints:
@@ -22,16 +22,6 @@ def walls_of(lap: ClosedLap, raster: Raster) -> WallPoints:
     points, faces = np.concatenate(places), np.concatenate(normals)
     there = (points - complex(*raster.corner_m)) / CELL_M
     row, column = there.imag.astype(np.int64), there.real.astype(np.int64)
-    of_wall = _widened(raster.wall)[row, column]
+    wide = binary_dilation(raster.wall, np.ones((3, 3), np.bool_))  # a wall on a cell's edge has points in both
+    of_wall = wide[row, column]
     return lines_through(WallPoints(points[of_wall], faces[of_wall]), CELL_M)
-
-
-def _widened(wall: Booleans) -> Booleans:
-    """Return the walls and the cells around them: a wall on a cell's edge has points in both."""
-    rows, columns = wall.shape
-    padded = np.pad(wall, 1)
-    wide = np.zeros_like(wall)
-    for row in range(3):
-        for column in range(3):
-            wide |= padded[row : row + rows, column : column + columns]
-    return wide
