@@ -141,7 +141,7 @@ def donkey(scans: Path, python: str, seconds: float) -> dict[str, Any]:
     with ExitStack() as stack:
         process = start(stack, command, {name: text for name, text in os.environ.items() if name != "PYTHONPATH"})
         time.sleep(4.0)
-        meter = ProcessMeter.of(process.pid)
+        meter = ProcessMeter([process.pid])
         time.sleep(max(1.0, seconds - 4.0))
         cost = meter.stop()
         out, error = process.communicate()

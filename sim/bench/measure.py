@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from wallride.sim.bench.answers import onsets, pair
 from wallride.sim.bench.course import BenchScans, make_course
@@ -52,11 +52,6 @@ class ProcessMeter:
         self.began_s = time.monotonic()
         self._threads_s = _threads_s(pids)
         self._machine_s = _machine_s()
-
-    @classmethod
-    def of(cls, pid: int) -> Self:
-        """Measure one process."""
-        return cls([pid])
 
     def stop(self) -> Cost:
         """Return the cost since the start."""
@@ -147,7 +142,7 @@ def _driven(
     def scans() -> Iterator[bool]:
         yield from [False] * warming
         begin()
-        meters.append(ProcessMeter.of(rig.process.pid))
+        meters.append(ProcessMeter([rig.process.pid]))
         yield from [False] * round(seconds * RATE_HZ)
 
     sent = rig.feed(scans(), RATE_HZ)
@@ -247,7 +242,7 @@ def _at_rate(plan: MeasurementPlan, rate_hz: int) -> dict[str, Any]:
     with Rig(course, [*plan.settings, *FAST_STEERING], every_core=True) as rig:
         rig.start()
         rig.feed([False] * (rate_hz // 2), rate_hz)
-        meter = ProcessMeter.of(rig.process.pid)
+        meter = ProcessMeter([rig.process.pid])
         sent = rig.feed([False] * round(plan.rate_seconds * rate_hz), rate_hz)
         cost = meter.stop()
         answers = pair(sent, rig.commands)
@@ -269,7 +264,7 @@ def _with_beams(plan: MeasurementPlan, beams: int) -> dict[str, Any]:
     with Rig(_course(beams, RATE_HZ), plan.settings) as rig:
         rig.start()
         rig.feed([False] * round(RATE_HZ), RATE_HZ)
-        meter = ProcessMeter.of(rig.process.pid)
+        meter = ProcessMeter([rig.process.pid])
         sent = rig.feed([False] * round(plan.rate_seconds * RATE_HZ), RATE_HZ)
         cost = meter.stop()
         figures = pair(sent, rig.commands).figures_ms()
