@@ -20,23 +20,22 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from tests.system.pwm_drive import PwmDrive
-from wallride.drivers.api import MotorState, Scan
-from wallride.runtime.arbitration.command import NO_LIMIT_MPS, Verdict
-from wallride.runtime.control.guidance import Follower, Guidance
+from wallride.drivers.api import Scan
+from wallride.runtime.control.guidance import Follower
 from wallride.runtime.settings.tree import load_settings
 from wallride.sim.car.vehicle import Vehicle
 from wallride.sim.devices.lidar_kinds import HOKUYO, assignments, device_for
 from wallride.sim.lab.cell import Cell
-from wallride.sim.lab.courses.sudden import case_of, navigator_of, scenarios
+from wallride.sim.lab.courses.sudden import BrakingGuard, case_of, navigator_of, scenarios
 from wallride.sim.lab.hazards import HAZARDS, case_of_hazard
 from wallride.sim.lab.laws import build, settings_of, stack_of
 from wallride.sim.live.record import Record
 from wallride.sim.live.scenes import WorldScene
 from wallride.sim.live.session import RuntimeStart, SimulatorSession
 from wallride.sim.live.stop_request import StopRequest
+from wallride.sim.races.mapped_lap import KeepingFollower
 from wallride.sim.scenario.simulated_car import find_config
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun, drive
 from wallride.sim.world.beams import LidarSettings
@@ -93,34 +92,6 @@ class Wanted:
     allowed: bool = False
     hazards: bool = False
     boxes: bool = False
-
-
-class Watched:
-    """A follower that keeps what it was shown."""
-
-    def __init__(self, follower: Follower) -> None:
-        self._follower = follower
-        self.ranges_m: list[npt.NDArray[np.float32]] = []
-
-    def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
-        """Answer a scan as the follower does."""
-        self.ranges_m.append(scan.ranges_m)
-        return self._follower.follow(scan, motor)
-
-
-class BrakeFrom:
-    """A guard that brakes in full from the n-th scan on."""
-
-    def __init__(self, scans: int) -> None:
-        self._left = scans
-
-    def look(self, scan: Scan, motor: MotorState | None) -> Verdict:  # noqa: ARG002 - it counts
-        """Return the same judgement for every drive."""
-        self._left -= 1
-        return Verdict(0.0 if self._left < 0 else NO_LIMIT_MPS, NO_LIMIT_MPS, "full brake")
-
-    def learn(self) -> None:
-        """Do nothing."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -222,25 +193,25 @@ def _touches(turning: str, cells: Sequence[Cell]) -> Touches:
     return Touches(len(cells), tuple(names))
 
 
-def _watched(cell: Cell, case: Case, navigator: Follower | None) -> tuple[SimulatedRun, list[npt.NDArray[np.float32]]]:
-    """Drive a case; return it, and the ranges that the car was shown."""
+def _watched(cell: Cell, case: Case, navigator: Follower | None) -> tuple[SimulatedRun, list[Scan]]:
+    """Drive a case; return it, and the scans that the car was shown."""
     follower, guard = build(cell.law, cell.side, case.desired_m, cell.speed_mps)
-    watched = Watched(navigator or follower)
-    return drive(case, watched, guard), watched.ranges_m
+    keeper = KeepingFollower(navigator or follower)
+    return drive(case, keeper, guard), keeper.scans
 
 
-def _braked(
-    cell: Cell, case: Case, navigator: Follower | None, shown: Sequence[npt.NDArray[np.float32]]
-) -> SimulatedRun:
+def _braked(cell: Cell, case: Case, navigator: Follower | None, shown: Sequence[Scan]) -> SimulatedRun:
     """Return the same drive that brakes in full from the first scan on that shows something of the obstacles.
 
     shown: the scans of the drive. Without the obstacles it has the same noise, and the same scans up to that one.
     """
     _, empty = _watched(cell, replace(case, obstacles=()), navigator)
-    pairs = enumerate(zip(shown, empty, strict=False))
-    first = next((n for n, (one, other) in pairs if not np.array_equal(one, other, equal_nan=True)), len(shown))
+    differ = (
+        one.stamp_s for one, other in zip(shown, empty, strict=False)
+        if not np.array_equal(one.ranges_m, other.ranges_m, equal_nan=True)
+    )  # fmt: skip
     follower, _ = build(cell.law, cell.side, case.desired_m, cell.speed_mps)
-    return drive(case, navigator or follower, BrakeFrom(first))
+    return drive(case, navigator or follower, BrakingGuard(None, next(differ, math.inf)))
 
 
 def _touch_mps(run: SimulatedRun) -> float:
