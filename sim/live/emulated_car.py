@@ -24,7 +24,7 @@ from wallride.sim.devices.turning import TurningEmulator
 from wallride.sim.devices.vesc import VescEmulator
 from wallride.sim.live.latency import HeldUp
 from wallride.sim.live.scenes import WorldScene
-from wallride.sim.live.session import AGAIN_S, STAMP_MS, STEP_S, SessionError
+from wallride.sim.live.session import AGAIN_S, STEP_S, SessionError
 from wallride.sim.live.stop_request import StopRequest
 
 HOST: Final = "127.0.0.1"
@@ -152,6 +152,5 @@ class EmulatedCar:
             self._turning.advance(now_s, lambda rays: self._scene.see(self._vehicle, rays))
             return
         while (due := self._scene.scan(now_s - begin_s, self._vehicle)) is not None:
-            ranges_mm, stamp_ms = due
             for lidar in self.lidars:
-                lidar.publish(ranges_mm, stamp_ms % STAMP_MS)
+                lidar.publish(*due)

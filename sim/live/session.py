@@ -48,8 +48,6 @@ ASKED_WITHIN_S = 20.0
 """Time within which a runtime that has started asks the lidar for scans; a driver of the user's may never do so."""
 HEARD_WITHIN_S = 3.0
 """Timeout for the first message; a short drive is over before it arrives."""
-STAMP_MS = 1 << 24
-"""SCIP stamps are 24 bits of milliseconds and wrap."""
 
 TurningLidar = TurningEmulator | OwnLidarEmulator
 EmulatedLidar = ScipEmulator | TurningLidar
@@ -310,7 +308,7 @@ class SimulatorSession:
         if isinstance(scip, TurningLidar):
             return
         self.record.scans += 1
-        sent_s = scip.publish(ranges_mm, stamp_ms % STAMP_MS)
+        sent_s = scip.publish(ranges_mm, stamp_ms)
         if sent_s is not None:
             self.record.latency.scan_sent(sent_s)
 
