@@ -65,9 +65,7 @@ def drive(speed_mps: float) -> list[tuple[float, ...]]:
     for step in range(SCANS):
         at, now_s = Pose(4.0 * step / SCANS, rng.uniform(-0.1, 0.1), rng.uniform(-0.1, 0.1)), step * 0.025
         sweep = as_scan(scan(world, at, Twist(speed_mps), now_s, rng, lidar), lidar, now_s, step)
-        motor = MotorState(
-            now_s, speed_mps, step * speed_mps * 0.025, 0.05, 11.1, 0.0, 0.0, 30.0, "", timed_out=False, killed=False
-        )
+        motor = MotorState(now_s, speed_mps, step * speed_mps * 0.025, 0.05, 11.1, 0.0, 0.0, 30.0)
         times_s = [time.perf_counter()]
         guard.perception.views.see(sweep)
         times_s.append(time.perf_counter())

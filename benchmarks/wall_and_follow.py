@@ -42,9 +42,7 @@ def drive() -> list[tuple[Scan, MotorState]]:
         phase = WEAVE_PER_M * way_m
         pose = Pose(way_m, WEAVE_M * math.sin(phase), math.atan(WEAVE_M * WEAVE_PER_M * math.cos(phase)))
         steering_rad = math.atan(-car.wheelbase_m * WEAVE_M * WEAVE_PER_M**2 * math.sin(phase))
-        motor = MotorState(
-            at_s, SPEED_MPS, way_m, steering_rad, 11.1, 0.0, 0.0, 30.0, "", timed_out=False, killed=False
-        )
+        motor = MotorState(at_s, SPEED_MPS, way_m, steering_rad, 11.1, 0.0, 0.0, 30.0)
         seen.append((as_scan(scan(world, pose, Twist(SPEED_MPS), at_s, rng, lidar), lidar, at_s, i), motor))
     return seen
 

@@ -54,7 +54,7 @@ def motor_at(motion: ScanMotion, number: int, wheels_rad: float, time_s: float) 
     if abs(speed_mps) < 0.05:
         speed_mps = 0.0  # noise of the scans; a standing wheel reports 0
     way_m = float(motion.way_m[number])
-    return MotorState(time_s, speed_mps, way_m, wheels_rad, 11.0, 0.0, 0.0, 25.0, "", timed_out=False, killed=False)
+    return MotorState(time_s, speed_mps, way_m, wheels_rad, 11.0, 0.0, 0.0, 25.0)
 
 
 def wall_line(view: View, side: Literal["left", "right"]) -> WallLine | None:

@@ -202,12 +202,7 @@ def _by_odometry(recording: Recording, track: OdometryTrack, settings: Settings)
     for number, at in enumerate(newest):
         speed_mps = float(speeds_mps[at])
         wheels_rad = _wheels_rad(speed_mps, float(track.wz_radps[order][at]), settings)
-        states.append(
-            MotorState(
-                float(recording.received_s[number]), speed_mps, float(way_m[at]), wheels_rad, math.nan, math.nan,
-                math.nan, math.nan, "", timed_out=False, killed=False,
-            )
-        )  # fmt: skip
+        states.append(MotorState(float(recording.received_s[number]), speed_mps, float(way_m[at]), wheels_rad))
     return states
 
 

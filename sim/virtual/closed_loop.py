@@ -295,7 +295,7 @@ class _Rig:
         self._motor = MotorState(
             now_s, round(vehicle.wheel_speed_mps / share * gain) / gain,
             math.floor(vehicle.wheel_travel_m / share / steps_m) * steps_m, told_rad, 11.1,
-            vehicle.motor_current_a, 0.0, 30.0, "", timed_out=False, killed=False,
+            vehicle.motor_current_a, 0.0, 30.0,
         )  # fmt: skip
 
     def _answer(self, now_s: float, sequence: int) -> None:

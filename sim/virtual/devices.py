@@ -103,8 +103,6 @@ class MemoryMotor:
             input_current_a=0.0,
             temperature_c=25.0,
             fault=self.fault,
-            timed_out=False,
-            killed=False,
         )
 
     @property

@@ -150,7 +150,7 @@ class WorldMotor(MemoryMotor):
         return MotorState(
             self._clock(), sign * round(vehicle.wheel_speed_mps * gain) / gain,
             sign * math.floor(vehicle.wheel_travel_m / steps_m) * steps_m, steering_rad, 11.8,
-            vehicle.motor_current_a, 0.0, 30.0, self.fault, timed_out=False, killed=False,
+            vehicle.motor_current_a, 0.0, 30.0, self.fault,
         )  # fmt: skip
 
     @property
