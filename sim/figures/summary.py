@@ -1,6 +1,5 @@
 """Figures of a run, from the simulator's own truth: the car's real motion, not its estimate."""
 
-import itertools
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -8,7 +7,6 @@ from typing import Any
 
 from wallride.runtime.control.score import STANDING_BELOW_MPS
 from wallride.runtime.telemetry.screen_words import times
-from wallride.sim.world.pose import Floats
 
 SETTLE_BAND_M = 0.05
 SETTLED_FOR_S = 2.0
@@ -121,18 +119,15 @@ class _Settle:
             self.settle_s = rounded(self._since_s - self._first_s)
 
 
-def figures(samples: Iterable[Sample], desired_m: float | Floats) -> dict[str, Any]:
+def figures(samples: Iterable[Sample], desired_m: float) -> dict[str, Any]:
     """Return duration, distance, errors, settling, clearance and speed of a run.
-
-    desired_m: the wanted distance, one for all samples or one for each.
 
     Errors count while the car moves, over samples that have a wall. `settle_s` is the time after which the error
     first stays within 5 cm for 2 s; a later corner does not count. It is null when it never does.
     """
     sums = DriveSums()
-    wanted = itertools.repeat(desired_m) if isinstance(desired_m, int | float) else desired_m.tolist()
-    for sample, wanted_m in zip(samples, wanted, strict=False):
-        sums.add(sample, wanted_m)
+    for sample in samples:
+        sums.add(sample, desired_m)
     return sums.figures()
 
 

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
+from wallride.drivers.section import Section
 from wallride.runtime.control.own_laws.law_class import is_own
 from wallride.runtime.line_files import read_raced_course
 from wallride.runtime.map_files import MapError
@@ -21,7 +22,6 @@ from wallride.sim.scenario.scenario_parts import (
     ScenarioFault,
     ScenarioObstacle,
     ScenarioStart,
-    ScenarioTable,
     ScenarioWall,
 )
 from wallride.sim.scenario.simulated_car import find_config
@@ -41,7 +41,7 @@ MAX_START_TO_WALL_M = 10.0
 """The UST-10LX's range: a car that starts farther from every wall sees nothing and stands for good."""
 
 
-class ScenarioContent(ScenarioTable):
+class ScenarioContent(Section):
     """Content of a file; see the module."""
 
     description: str = ""

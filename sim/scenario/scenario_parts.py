@@ -32,11 +32,7 @@ OF_FAULT: Mapping[str, tuple[str, ...]] = {
 """Keys of the faults besides their times."""
 
 
-class ScenarioTable(Section):
-    """A table of a scenario's file: an unknown key is an error."""
-
-
-class ScenarioStart(ScenarioTable):
+class ScenarioStart(Section):
     """Start of the car. at: x, y [m] and heading [rad], or distance_m from the followed wall, turned towards it."""
 
     at: tuple[Number, Number, Number] | None = None
@@ -50,7 +46,7 @@ class ScenarioStart(ScenarioTable):
         return self
 
 
-class ScenarioWall(ScenarioTable):
+class ScenarioWall(Section):
     """A wall through points [m], back to the first one where it is closed."""
 
     points: Annotated[list[Place], Field(min_length=2)]
@@ -69,7 +65,7 @@ class ScenarioWall(ScenarioTable):
         return chain(self.points, closed=self.closed)
 
 
-class ScenarioObstacle(ScenarioTable):
+class ScenarioObstacle(Section):
     """An obstacle at a place, or before the car at a moment; it moves where moves_mps is given.
 
     at: x, y [m] and, for a box, heading [rad]. ahead_m: its near face before the lidar; left_m of the car's middle.
@@ -123,7 +119,7 @@ class ScenarioObstacle(ScenarioTable):
         return Obstacle(shape, appearance, motion)
 
 
-class ScenarioFault(ScenarioTable):
+class ScenarioFault(Section):
     """A fault for a while; without until_s to the end.
 
     lidar lost, motor lost: the cable is pulled. lidar covered: nothing returns from from_deg to to_deg. slippery
@@ -151,7 +147,7 @@ class ScenarioFault(ScenarioTable):
         return self
 
 
-class ScenarioExpectation(ScenarioTable):
+class ScenarioExpectation(Section):
     """One condition (the first key of CONDITIONS that is given), between two times of the drive."""
 
     after_s: NotNegative = 0.0
