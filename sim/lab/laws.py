@@ -59,18 +59,22 @@ def settings_of(law: str, side: Side, desired_m: float, speed_mps: float, assign
 
     Raises SettingsError for an assignment that the law does not have.
     """
-    follower_name, _, guard_name = check(law).partition("+")
-    on_car = follower_name if follower_name != "prototype" else "ball"
     wanted = [
-        f"wall_follow.method={on_car}",
+        *assignments_of(law),
         f"wall_follow.side={side}",
         f"wall_follow.desired_distance_m={desired_m}",
         f"wall_follow.speed_mps={speed_mps}",
-        f"safety.method={'report' if guard_name == 'none' else guard_name}",
     ]
-    if guard_name == "none":
-        wanted.append("safety.turn_below_m=0")  # without safety, neither of its rules applies
     return load_settings(None, [*wanted, *assignments], laws=True)
+
+
+def assignments_of(law: str) -> list[str]:
+    """Return the settings that choose a law, as KEY=VALUE; those of a prototype are those of `ball`."""
+    follower, _, guard = check(law).partition("+")
+    method = f"wall_follow.method={follower if follower != 'prototype' else 'ball'}"
+    if guard == "none":  # without safety, neither of its rules applies
+        return [method, "safety.method=report", "safety.turn_below_m=0"]
+    return [method, f"safety.method={guard}"]
 
 
 def build(

@@ -20,7 +20,7 @@ from wallride.sim.car.vehicle_settings import VehicleSettings
 from wallride.sim.lab.cell import Figures
 from wallride.sim.lab.figures import common, errors
 from wallride.sim.lab.laps import lap_times_s
-from wallride.sim.lab.laws import check, own_law_files
+from wallride.sim.lab.laws import assignments_of, check, own_law_files
 from wallride.sim.scenario.obstacle_text import read_obstacle
 from wallride.sim.scenario.scenario_file import MAX_START_TO_WALL_M
 from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, Case, SimulatedRun, drive
@@ -235,11 +235,9 @@ def _texts(value: Any) -> tuple[Any, ...]:  # noqa: ANN401 - whatever stood in t
 def _law_assignments(law: str | None) -> list[str]:
     if law is None:
         return []
-    follower, _, guard = check(law).partition("+")
-    if follower == "prototype":
+    if check(law).startswith("prototype+"):
         raise ValueError("law prototype has no settings; write ball, report or MODULE:CLASS")
-    without = ["safety.turn_below_m=0"] if guard == "none" else []
-    return [f"wall_follow.method={follower}", f"safety.method={'report' if guard == 'none' else guard}", *without]
+    return assignments_of(law)
 
 
 def _assignments(cell: DriveCell) -> list[str]:
