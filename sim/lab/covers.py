@@ -25,7 +25,7 @@ from wallride.sim.lab.safety import stopping_m
 from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, Case, SimulatedRun, drive
 from wallride.sim.world.beams import NO_RETURN_MM, LidarSettings, Millimetres
 from wallride.sim.world.obstacles import ConstantMotion, Obstacle, Round, StandingObstacle, person
-from wallride.sim.world.pose import CAR, Pose
+from wallride.sim.world.pose import CAR, Pose, side_sign
 
 COVERS_MM = (3, 30, 60, 85, 100, 120, 140, 160, 170, None)
 """Ranges of the covered beams; None: no return."""
@@ -146,7 +146,7 @@ def _cover(cell: Cell) -> Cover:
 
 def _people(cell: Cell, from_s: float) -> tuple[Obstacle, ...]:
     world = cell.scenario.split(": ")[3]
-    sign = 1.0 if cell.side == "left" else -1.0
+    sign = side_sign(cell.side)
     if world == "person stands":
         near_m = 1.5 if from_s <= 0.0 else _PERSON_AHEAD_M
         return (Obstacle(Round(_PERSON_RADIUS_M), StandingObstacle(Pose(near_m, 0.1 * sign, 0.0))),)

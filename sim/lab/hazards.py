@@ -17,7 +17,7 @@ from wallride.sim.lab.laws import drive_case
 from wallride.sim.lab.limits import limit_m
 from wallride.sim.virtual.closed_loop import Case, SimulatedRun
 from wallride.sim.world.obstacles import Box, ConstantMotion, Obstacle, Round, StandingObstacle, person, pole
-from wallride.sim.world.pose import CAR, Pose
+from wallride.sim.world.pose import CAR, Pose, side_sign
 
 NORMAL = "normal "
 AT_M = 4.0
@@ -110,7 +110,7 @@ def run(cell: Cell) -> SimulatedRun:
 def case_of_hazard(cell: Cell) -> tuple[Case, BlindDriver]:
     """Return the drive of a cell of HAZARDS, and its navigator."""
     hazard = HAZARDS[cell.scenario]
-    sign = 1.0 if cell.side == "left" else -1.0
+    sign = side_sign(cell.side)
     world = world_of(hazard.world, cell.side)
     case = Case(
         world,

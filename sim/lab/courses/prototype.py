@@ -22,7 +22,7 @@ from wallride.runtime.control.perception.view import ViewCache
 from wallride.runtime.control.vehicle import GRAVITY_MPS2, CarSettings
 from wallride.runtime.control.wall_following.followed_wall import SideView, side_view
 from wallride.runtime.control.wall_following.wall_fit import CLEAN_INLIERS, WallLine
-from wallride.sim.world.pose import Floats, Side
+from wallride.sim.world.pose import Floats, Side, side_sign
 
 KP_RAD_PER_M, KD = 0.35, 1.5
 LOOK_AHEAD_M, LOOK_AHEAD_S = 0.4, 0.3
@@ -54,7 +54,7 @@ class Prototype:
     def follow(self, scan: Scan, motor: MotorState | None) -> Guidance:
         """Return the command for one scan."""
         seen = side_view(self._eyes.see(scan), self._side)
-        sign = 1.0 if self._side == "left" else -1.0
+        sign = side_sign(self._side)
         speed_mps = motor.speed_mps if motor is not None else 0.0
         wall_m = wall_points_m(seen, self._desired_m)
         if wall_m is None:

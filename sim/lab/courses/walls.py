@@ -18,7 +18,7 @@ from wallride.sim.lab.limit import Task, Wall
 from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, Case
 from wallride.sim.world.beams import LidarSettings
 from wallride.sim.world.place import World
-from wallride.sim.world.pose import CAR, Floats, Footprint, Pose, Side
+from wallride.sim.world.pose import CAR, Floats, Footprint, Pose, Side, side_sign
 from wallride.sim.world.segments import SegmentGeometry
 from wallride.sim.world.worlds import load_world
 
@@ -160,7 +160,7 @@ def _start(course: Course, side: Side, desired_m: float) -> Pose:
 
 @lru_cache(maxsize=2)
 def _glazed(side: Side) -> GlassWall:
-    sign = 1.0 if side == "left" else -1.0
+    sign = side_sign(side)
     return GlassWall(world_of("straight", side), (_PANE_FROM_M, sign, _PANE_TO_M, sign))
 
 
