@@ -51,7 +51,7 @@ _ORDER = (Source.ESTOP, Source.SAFETY, Source.TELEOP, Source.PERMIT, Source.NAVI
 FULL_BRAKE_MPS2 = _WIRING.brake_current_a * _VEHICLE.brake_mps2_per_a + _VEHICLE.drag_mps2
 """Deceleration of the driver's full brake current and the drag on a floor with enough grip: 8.9 m/s2."""
 _POLL_S, _TICK_S = 1.0 / _WIRING.poll_hz, 1.0 / MuxSettings().tick_hz
-_STANDING_BELOW_MPS = 0.05
+STANDING_BELOW_MPS = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -353,7 +353,7 @@ class _Rig:
         """Return the driver's demand for a command: too slow, or against the motion, is a brake."""
         share = 1.0 if self._case.wiring is None else self._case.wiring.speed_share
         speed_mps, wheels_mps = told.speed_mps, self._vehicle.wheel_speed_mps
-        turns_back = speed_mps * wheels_mps < 0 and abs(wheels_mps) > _STANDING_BELOW_MPS
+        turns_back = speed_mps * wheels_mps < 0 and abs(wheels_mps) > STANDING_BELOW_MPS
         if abs(speed_mps) >= _WIRING.min_speed_mps and not turns_back:
             return SpeedDemand(speed_mps * share)
         settings = self._case.vehicle
@@ -370,7 +370,7 @@ class _Rig:
         twist = vehicle.twist
         moved_m = math.hypot(twist.speed_mps, twist.lateral_mps) * STEP_S
         self._distance_m += moved_m
-        if moved_m > _STANDING_BELOW_MPS * STEP_S:
+        if moved_m > STANDING_BELOW_MPS * STEP_S:
             self._moved_s = now_s
         self._free_m -= moved_m + (abs(twist.yaw_rate_radps) * CAR.reach_m + self._walkers_mps) * STEP_S
         if self._free_m > 0.0:

@@ -16,15 +16,13 @@ from wallride.drivers.vesc.app_config import RECOMMENDED_BRAKE_A
 from wallride.drivers.vesc.settings import VescSettings
 from wallride.sim.car.vehicle import BrakeDemand, CoastDemand, Demand, SpeedDemand, Vehicle, VehicleSettings
 from wallride.sim.car.wiring import NO_ERRORS, WiringConversion, WiringErrors
-from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
+from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, STANDING_BELOW_MPS, STEP_S, as_scan
 from wallride.sim.virtual.devices import MemoryLidar, MemoryMotor
 from wallride.sim.world.beams import LidarSettings, Millimetres, scan
 from wallride.sim.world.obstacles import Obstacle, ObstacleWorld
 from wallride.sim.world.place import World
 from wallride.sim.world.pose import Pose
 
-STEP_S = 0.0025
-_STANDING_BELOW_MPS = 0.05
 _WIRING = VescSettings()
 
 
@@ -197,7 +195,7 @@ class WorldMotor(MemoryMotor):
 def demand_of(drive: Drive, vehicle: Vehicle) -> Demand:
     """Return the driver's demand for a command: too slow, or against the motion, is a brake."""
     wheels_mps = vehicle.wheel_speed_mps
-    turns_back = drive.speed_mps * wheels_mps < 0 and abs(wheels_mps) > _STANDING_BELOW_MPS
+    turns_back = drive.speed_mps * wheels_mps < 0 and abs(wheels_mps) > STANDING_BELOW_MPS
     if abs(drive.speed_mps) >= _WIRING.min_speed_mps and not turns_back:
         return SpeedDemand(drive.speed_mps)
     full_mps2 = _WIRING.brake_current_a * vehicle.settings.brake_mps2_per_a

@@ -15,8 +15,8 @@ from wallride.runtime.control.limiter import Limiter
 from wallride.runtime.control.vehicle import CarSettings
 from wallride.sim.car.vehicle import VehicleSettings
 from wallride.sim.car.wiring import NO_ERRORS, WiringErrors
-from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, as_scan
-from wallride.sim.virtual.twin_world import STEP_S, TwinWorld, WorldMotor
+from wallride.sim.virtual.closed_loop import ROUGH_BEAMS, STEP_S, as_scan
+from wallride.sim.virtual.twin_world import TwinWorld, WorldMotor
 from wallride.sim.world.beams import LidarSettings, scan
 from wallride.sim.world.place import World
 
