@@ -27,18 +27,26 @@ class Disk:
     """The machine's own disk."""
 
     def create(self, path: Path) -> int:
-        """Create a new file, readable by the owner and the group."""
+        """Create a new file, readable by the owner and the group; none is left where that fails."""
         path.parent.mkdir(parents=True, exist_ok=True)
         # Appended to: written at its old end, a file that was truncated would have a hole and its old length.
         how = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
         descriptor = os.open(path, how, _MODE)
-        fcntl.flock(descriptor, fcntl.LOCK_EX)  # tells `recover` that it is being written
-        folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)  # tells `recover` that it is being written
+            self._sync_folder(path.parent)
+        except OSError:
+            os.close(descriptor)
+            self.remove(path)
+            raise
+        return descriptor
+
+    def _sync_folder(self, path: Path) -> None:
+        folder = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
         try:
             self.sync(folder)
         finally:
             os.close(folder)
-        return descriptor
 
     def write(self, descriptor: int, data: memoryview) -> int:
         """Write some of the data."""

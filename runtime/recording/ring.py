@@ -130,11 +130,11 @@ def _entries(folder: Path) -> Iterator[Entry]:
 
 
 def in_order_of_leaving(present: Sequence[Entry], limit_bytes: int) -> list[Entry]:
-    """Return the entries in the order of their deletion. limit_bytes: of the whole ring."""
+    """Return the entries in the order of their deletion, the newest black box last. limit_bytes: of the whole ring."""
     boxes = [entry for entry in present if entry.is_black_box]
     runs = [entry for entry in present if not entry.is_black_box]
     boxes_bytes, too_many = sum(entry.size_bytes for entry in boxes), 0
-    while boxes_bytes > BLACK_BOX_SHARE * limit_bytes:
+    while boxes_bytes > BLACK_BOX_SHARE * limit_bytes and too_many < len(boxes) - 1:
         boxes_bytes -= boxes[too_many].size_bytes
         too_many += 1
     return [*boxes[:too_many], *runs, *boxes[too_many:]]
@@ -217,6 +217,8 @@ class Ring:
     def make_room(self) -> bool:
         """Delete the oldest files until ring and disk have room, as `trim`; False when the disk has none even so."""
         found = trim(self.folder, self._settings.ring_mb * MB, self._disk.remove, self._missing_bytes, self._foreign)
+        for name in found.deleted:
+            log.info("%s: deleted for room", name)
         for name, why in found.refused.items():
             log.warning("%s: cannot be deleted for room (%s): the ring leaves it alone", self.folder / name, why)
         self._foreign |= found.refused.keys()

@@ -39,6 +39,8 @@ TAIL_S = 5.0
 """Duration of a black box after its stop; another stop within it goes into the same file."""
 MAX_TAIL_S = 30.0
 MIN_MEMORY_S = 1.0
+FILE_SHARE = 0.25
+"""Largest share of the ring for one file: the ring deletes whole files."""
 START_UP_S = 5.0
 """Time since the process began after which a recording begins without a scan; else it begins with the first scan."""
 
@@ -170,7 +172,7 @@ class RecordingWriter:
             self._is_held = False
             self._hold_until_s = self._now_s + HOLD_S
             self._fill(self._run, self._memory.after(self._unwritten))
-        elif self._run.bytes_written > self._settings.file_mb * MB:
+        elif self._run.bytes_written > min(self._settings.file_mb, FILE_SHARE * self._settings.ring_mb) * MB:
             self._end_run()
             self._begin_run()
         if self._box is not None and self._now_s >= self._box.until_s:
@@ -204,8 +206,11 @@ class RecordingWriter:
             log.info("recording %s", file.path.name)
         else:  # all its messages come again with the next attempt
             self._goes_on = goes_on
-            with suppress(OSError):
-                self._disk.remove(file.path)
+            self._remove(file)
+
+    def _remove(self, file: McapFile) -> None:
+        with suppress(OSError):
+            self._disk.remove(file.path)
 
     def _on_stop(self, reason: str) -> None:
         now_s = self._now_s
@@ -224,6 +229,8 @@ class RecordingWriter:
         self._box = _Box(file, reason, opened_s, until_s)
         if self._fill(file, self._memory.since(0)):
             log.info("black box %s", file.path.name)
+        elif not file.bytes_written:
+            self._remove(file)
 
     def _open(self, reason: str | None) -> McapFile | None:
         """Open a file; None when the disk has no room for it."""

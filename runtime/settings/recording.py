@@ -40,7 +40,7 @@ class RecordingSettings(Section):
     """Minimum free space of the disk; recordings are deleted to keep it, where that is enough."""
 
     file_mb: Annotated[int, Field(ge=8, le=4096)] = 256
-    """Maximum size of a file; a longer recording continues in another one."""
+    """Maximum size of a file, at most a quarter of `ring_mb`; a longer recording continues in another one."""
 
     black_box_s: Annotated[float, Field(ge=0, le=120)] = 30.0
     """Length of the black box, the time before a stop that is kept in memory; 0: no black box."""

@@ -23,10 +23,13 @@ SELDOM_S = 4 * PERIOD_S
 """From scan to scan, where it is no matter of how many there are."""
 
 
-async def test_a_long_recording_goes_on_in_another_file_and_the_ring_lets_its_beginning_go(tmp_path, monkeypatch):
+@pytest.mark.parametrize("file_mb", [8, 256])
+async def test_a_long_recording_goes_on_in_another_file_and_the_ring_lets_its_beginning_go(
+    tmp_path, monkeypatch, file_mb
+):
     monkeypatch.setattr("wallride.runtime.recording.ring.MB", 100_000)
     monkeypatch.setattr("wallride.runtime.recording.writer.MB", 100_000)
-    drive = await driven(tmp_path, 24, ring_mb=32, file_mb=8, start="always")
+    drive = await driven(tmp_path, 24, ring_mb=32, file_mb=file_mb, start="always")
     drive.recorder.finish()
     total_mb = sum(path.stat().st_size for path in files(tmp_path)) / 1e6
     assert 2 < total_mb < 3.2 + 5 * 0.4  # the ring is looked after every few seconds
@@ -63,6 +66,17 @@ async def test_a_disk_that_refuses_is_said_and_recording_goes_on_where_it_ended(
     assert metadata(second.read_bytes())["continues"] == first.name
     numbers = [event.number for path in (first, second) for event in events(path.read_bytes())]
     assert set(range(max(numbers) + 1)) == set(numbers), "what was not written was still in memory"
+
+
+@pytest.mark.parametrize("fault", [{"failing": errno.ENOSPC}, {"takes_bytes": 0}], ids=["its folder", "its bytes"])
+async def test_a_black_box_of_which_the_disk_takes_nothing_leaves_no_file(tmp_path, fault):
+    disk = BadDisk()
+    drive = await driven(tmp_path, 2, disk=disk, start="request")
+    vars(disk).update(fault)
+    drive.put(refusal(Source.ESTOP, "e-stop by ann"))
+    await drive.go(1)
+    assert "the disk is full" in drive.recorder.status()["words"]
+    assert files(tmp_path) == []
 
 
 async def test_a_disk_that_is_full_after_so_many_bytes_leaves_readable_files(tmp_path):

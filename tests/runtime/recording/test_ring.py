@@ -39,10 +39,11 @@ def test_the_ending_of_a_recording_may_be_left_out(tmp_path, monkeypatch):
     assert file_named(Path(), tmp_path) is None
 
 
-@pytest.mark.parametrize(("box_bytes", "first"), [(30, "box"), (3, "run")])
-def test_black_boxes_leave_first_only_while_they_take_more_than_their_share(box_bytes, first):
-    names = {"run": Entry("a", 1, 10, is_black_box=False, reason=""), "box": Entry("b", 2, box_bytes, True, "stop")}
-    assert in_order_of_leaving(list(names.values()), 100)[0] == names[first]
+@pytest.mark.parametrize(("box_bytes", "order"), [(30, "bac"), (3, "abc")])
+def test_black_boxes_leave_first_only_while_they_take_more_than_their_share_and_never_the_newest(box_bytes, order):
+    run = Entry("a", 1, 10, is_black_box=False, reason="")
+    boxes = [Entry(name, number, box_bytes, True, "stop") for number, name in enumerate("bc", 2)]
+    assert "".join(entry.name for entry in in_order_of_leaving([run, *boxes], 100)) == order
 
 
 class Odd:
