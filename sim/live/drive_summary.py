@@ -1,6 +1,6 @@
 """Summary of a simulated drive: its figures as one dictionary, as a table for people, as JSON, and as a picture."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ HEARD = "heard"
 """Value of telemetry in the summary: its statements about the runtime are that runtime's own."""
 FOR_PROGRAMS = frozenset({"began_unix_s", "session", "world", "recording", "seconds_by_reason", "failed"})
 """Fields of the summary that have no row in the table."""
-NOT_RECORDING, TRYING = "NOT recording: ", "; trying again"
+NOT_RECORDING, ENDED, TRYING = "NOT recording: ", "not recording: ", "; trying again"
 UNDER_WAY = frozenset({DRIVES, JOINS, "wall"})
 """Reasons of a car that nothing keeps."""
 DEVICES_ALLOW = "the lidar allows ", "the motor allows "
@@ -58,7 +58,7 @@ def summarize(record: Record, settings: Settings) -> dict[str, Any]:
         "hard_stops": record.hard_stops,
         "faults": device_faults(status) | dict(record.own_faults) if status else None,
         "held_up": record.held_up.words,
-        "recording": _recording((status or {}).get("recording")),
+        "recording": _recording((status or {}).get("recording"), record.recorded),
     }
 
 
@@ -96,9 +96,9 @@ def _stands_because(decision: Mapping[str, Any] | None) -> str | None:
     return f"{decision.get('winner') or 'none'}: {because(str(decision.get('reason')), decision.get('measure'))}"
 
 
-def _recording(status: Mapping[str, Any] | None) -> dict[str, Any] | None:
-    """Return the file's name, "" without one, and the recorder's words; None where nothing was heard of it."""
-    return {"file": status.get("file") or "", "words": status.get("words") or ""} if status else None
+def _recording(status: Mapping[str, Any] | None, recorded: Sequence[str]) -> dict[str, Any] | None:
+    """Return the last file's name, "" without one, and the recorder's words; None where nothing was heard of it."""
+    return {"file": recorded[-1] if recorded else "", "words": status.get("words") or ""} if status else None
 
 
 def plot_drive(path: Path, world: World, record: Record, settings: Settings) -> None:
@@ -128,14 +128,17 @@ def recorded_words(recording: Mapping[str, Any] | None) -> tuple[str, str]:
     """Return what became of the recording, and the command that makes a page of it; "" where there is none."""
     if recording is None:
         return "it is not known whether the drive was recorded: wallride logs", ""
-    if recording["file"]:
-        return f"recorded: {recording['file']}", f"wallride report {recording['file']}"
-    return f"nothing was recorded: {str(recording['words']).removeprefix(NOT_RECORDING).removesuffix(TRYING)}", ""
+    file, words = recording["file"], str(recording["words"])
+    told = words.removeprefix(NOT_RECORDING).removeprefix(ENDED).removesuffix(TRYING)
+    if not file:
+        return f"nothing was recorded: {told}", ""
+    ended = f"; not to the end: {told}" if told != words else ""
+    return f"recorded: {file}{ended}", f"wallride report {file}"
 
 
 def failed_to_record(recording: Mapping[str, Any] | None) -> bool:
-    """Tell whether a recording was wanted and there is none."""
-    return recording is not None and not recording["file"] and str(recording["words"]).startswith(NOT_RECORDING)
+    """Tell whether a recording was wanted and there is none, or only one of a part of the drive."""
+    return recording is not None and str(recording["words"]).startswith(NOT_RECORDING)
 
 
 def shown(value: object) -> str:

@@ -33,8 +33,8 @@ class Listener:
     """Subscribes to one start of one car at a known endpoint; messages of another start are rejected.
 
     user_code: the user's laws and drivers. own_faults: how often each of their faults began.
-    poses: stamp, x and y of the car on its map, as the status tells them. reasons_s: for how long it decided for which
-    reason.
+    recorded: files of the car's recordings, in order. poses: stamp, x and y of the car on its map, as the status tells
+    them. reasons_s: for how long it decided for which reason.
     latest: the newest message of each topic; `distance_error` as {"error_m": metres}.
     problem: why nothing is received, "" while messages arrive. malformed: messages that could not be read.
     """
@@ -49,6 +49,7 @@ class Listener:
         self._told: dict[str, str] = {}
         self.own_faults: dict[str, int] = {}
         self.latest: dict[str, Mapping[str, Any]] = {}
+        self.recorded: list[str] = []
         self.poses: list[tuple[float, float, float]] = []
         self.reasons_s: dict[str, float] = {}
         self.problem = "nothing was heard from it"
@@ -126,6 +127,7 @@ class Listener:
                 self._count_faults(faults)
                 self._heard.set()
                 self._count_reason(before, status)
+                self._note_recording(status)
                 if pose.get("whereabouts") == "located" and len(self.poses) < MAX_POSES:
                     self.poses.append((pose["stamp_s"], pose["x_m"], pose["y_m"]))
             else:
@@ -133,6 +135,11 @@ class Listener:
         elif not self.problem:
             (error_m,) = _FLOAT32.unpack(payload)
             self.latest[topic] = {"error_m": error_m}
+
+    def _note_recording(self, status: Mapping[str, Any]) -> None:
+        file = (status.get("recording") or {}).get("file")
+        if file and file not in self.recorded[-1:]:
+            self.recorded.append(file)
 
     def _count_reason(self, before: Mapping[str, Any], status: Mapping[str, Any]) -> None:
         reason = (before.get("output") or {}).get("reason")

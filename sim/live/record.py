@@ -55,7 +55,7 @@ class Record:
     changes: the settings that were changed while it drove.
     stop_command: the last motor command it ever wrote.
     held_up: how long this computer kept the emulated devices from running.
-    own_faults: how often each fault of the user's laws and drivers began.
+    own_faults: how often each fault of the user's laws and drivers began. recorded: files of its recordings, in order.
     cpu_s: processor time of the runtime up to the end of the drive; NaN where the system does not tell.
     log, page: what the runtime, and the monitor beside it, printed. failed: why the runtime's end was none in order.
     """
@@ -75,6 +75,7 @@ class Record:
     changes: Sequence[SettingChange] = ()
     telemetry: dict[str, Any] = field(default_factory=dict)
     own_faults: Mapping[str, int] = field(default_factory=dict)
+    recorded: Sequence[str] = ()
     poses: Sequence[tuple[float, float, float]] = ()
     reasons_s: Mapping[str, float] = field(default_factory=dict)
     hard_stops: int = 0

@@ -244,6 +244,7 @@ class SimulatorSession:
         listener = Listener(address.endpoint, address.car, address.session, self._user_code)
         self.record.telemetry, self.record.own_faults = listener.latest, listener.own_faults
         self.record.poses, self.record.reasons_s = listener.poses, listener.reasons_s
+        self.record.recorded = listener.recorded
         if self._changes is not None:
             listener.answer(topics.SIMULATOR, self._changes.answer)
         return listener

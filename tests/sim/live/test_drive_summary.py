@@ -86,6 +86,14 @@ def test_the_table_is_in_words_with_units_and_leaves_out_what_says_nothing():
             {"file": "", "words": "recording is turned off (recording.enabled)"},
             "nothing was recorded: recording is turned off (recording.enabled)", "", False,
         ),
+        (
+            {"file": "a.mcap", "words": "not recording: disarmed"},
+            "recorded: a.mcap; not to the end: disarmed", "wallride report a.mcap", False,
+        ),
+        (
+            {"file": "a.mcap", "words": "NOT recording: the disk is full; trying again"},
+            "recorded: a.mcap; not to the end: the disk is full", "wallride report a.mcap", True,
+        ),
         (None, "it is not known whether the drive was recorded: wallride logs", "", False),
     ],
 )  # fmt: skip
