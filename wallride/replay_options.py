@@ -24,10 +24,10 @@ def add(commands: Commands) -> None:
         help="decide a recording again and show the first difference, or publish it",
         description=(
             "Decides a recording of wallride again and compares every decision. Exit code 0: all the same. 1: a"
-            " difference. 3: a difference, and laws, map or line have changed since. Of another program's drive (a"
-            " rosbag or an archive) it reports what our laws would have done. --scan or --at tells instead why the car"
-            " drove as it did at one scan: the follower's answer, the decision and its reason, what was sent."
-            " --publish plays a recording onto zenoh: " + KEYS + "."
+            " difference. 3: a difference, and laws, map or line have changed since, or the file begins after the start"
+            " of the process. Of another program's drive (a rosbag or an archive) it reports what our laws would have"
+            " done. --scan or --at tells instead why the car drove as it did at one scan: the follower's answer, the"
+            " decision and its reason, what was sent. --publish plays a recording onto zenoh: " + KEYS + "."
         ),
     )
     add_file(replay)

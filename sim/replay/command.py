@@ -26,8 +26,9 @@ SHOWN_STOPS = 30
 
 
 def run(options: argparse.Namespace) -> int:
-    """Replay; 0 when every decision is the same (or foreign scans were judged), 1 at a difference, 3 by changed laws.
+    """Replay; 0 when every decision is the same (or foreign scans were judged), 1 at a difference.
 
+    3 at one by changed laws, or after an unknown beginning.
     RecordingError or SettingsError when nothing can be replayed.
     """
     logger = logging.getLogger("wallride")
@@ -80,7 +81,8 @@ def _again(log: DriveLog, options: argparse.Namespace, console: Console) -> int:
         console.print(f"{log.name}: {verdict.changed}.", style="bold")
         console.print(f"{what}: {verdict.differing} decisions come out otherwise, which is no fault of the recording")
     else:
-        by = "by the settings of --set" if options.assignments else "by the very same laws"
+        by = "by the very same laws" if verdict.exact else "as what the laws had learnt before may explain"
+        by = "by the settings of --set" if options.assignments else by
         console.print(f"{log.name}: {what}: {verdict.differing} decisions differ, {by}")
     console.print(f"first difference: {verdict.first.sentence()}", style="bold")
     for difference in verdict.differences[1:]:
@@ -92,10 +94,10 @@ def _again(log: DriveLog, options: argparse.Namespace, console: Console) -> int:
 
 
 def _code(verdict: ReplayVerdict) -> int:
-    """Return the exit code: other laws may decide otherwise, the same laws must not."""
+    """Return the exit code: other laws, and the same from an unknown beginning, may decide otherwise."""
     if verdict.first is None:
         return SAME
-    return CHANGED if verdict.changed else DIFFERS
+    return CHANGED if verdict.changed or not verdict.exact else DIFFERS
 
 
 def as_plain(name: str, verdict: ReplayVerdict) -> dict[str, Any]:

@@ -77,6 +77,15 @@ def test_a_difference_is_1_and_named(drive, capsys):
     assert "the follower's steering [rad]: recorded" in said
 
 
+def test_a_difference_after_an_unknown_beginning_is_not_laid_on_the_laws(tmp_path, monkeypatch, capsys):
+    path = tmp_path / "middle.mcap"
+    record(path, world="corridor", seconds=9.0, forgets=400)
+    monkeypatch.setattr(reenact, "SETTLES_S", 0.0)
+    monkeypatch.setattr(reenact, "CLOSE", 0.0)
+    assert wallride("replay", path) == 3
+    assert "decisions differ, as what the laws had learnt before may explain" in capsys.readouterr().out
+
+
 def test_by_changed_laws_a_difference_is_3_and_no_fault(drive, capsys, monkeypatch):
     monkeypatch.setattr(reenact, "laws_fingerprint", lambda *_: "0ther1aws000")
     assert wallride("replay", drive, "--set", "wall_follow.desired_distance_m=0.9") == 3
