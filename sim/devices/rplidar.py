@@ -52,6 +52,7 @@ class RplidarModel:
 
 
 A1: Final = RplidarModel("A1", 0x18, (1, 29), 7, EXPRESS, 127.0, 12.0, 8.0, 115200, "line")
+A1_OLD: Final = RplidarModel("A1 old", 0x18, (1, 20), 0, EXPRESS, 254.0, 12.0, 5.5, 115200, "line", configurable=False)
 A1_OLDEST: Final = RplidarModel("A1 1.5", 0x18, (1, 5), 0, PLAIN, 500.0, 6.0, 5.5, 115200, "line", configurable=False)
 A2: Final = RplidarModel("A2", 0x28, (1, 29), 6, EXPRESS, 125.0, 12.0, 10.0, 115200, "board")
 A3: Final = RplidarModel("A3", 0x31, (1, 29), 6, ULTRA, 62.5, 25.0, 10.0, 256000, "board", 3, "Sensitivity")
