@@ -6,7 +6,8 @@ it waited.
 
 The sensors do not send their time. Their delay is the excess of the arrival over the number of samples, which a
 crystal counts: samples that come later than their number allows have waited on the way, until as many come at once. A
-constant delay from the first byte on is not visible this way; the quickest answer of the link bounds it (`least_s`).
+constant delay from the first sample on is not visible this way; the quickest answer of the link bounds it (`least_s`),
+unless the link became late after that. The time before the first sample tells nothing: the head may spin up.
 """
 
 import math
@@ -130,6 +131,8 @@ class _Lateness:
     def note(self, samples: int, read_at_s: float) -> float:
         """Count samples that have arrived, and return their delay."""
         if math.isnan(self._read_s):
+            if not samples:
+                return self._least_s
             self._read_s = read_at_s
         elapsed_s, self._read_s = read_at_s - self._read_s, read_at_s
         self._since += samples

@@ -3,6 +3,7 @@
 The protocols are in `rplidar` and `ydlidar`, the port in `sensor_port`; this is the head that turns.
 """
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -67,6 +68,7 @@ class TurningHead:
         frozen: every turn repeats the distances of the last one before.
         blocked: the head stands, and measures on.
         covered_mm: everything is so near.
+        starts_after_s: a stream's first samples come so long after its announcement (the head spins up).
         device: its own faults; see `RplidarDevice`, `YdlidarDevice`.
     """
 
@@ -74,6 +76,8 @@ class TurningHead:
         self.device = device
         self.frozen = self.blocked = False
         self.covered_mm: int | None = None
+        self.starts_after_s = 0.0
+        self._still_s = -math.inf
         self._head_turns = 0.0
         self._at_s: float | None = None
         self._before: Millimetres = np.zeros(max(1, round(1 / device.turns_hz / device.sample_s)), np.int64)
@@ -88,6 +92,9 @@ class TurningHead:
         begin_s, self._at_s = self._at_s, now_s
         device = self.device
         if begin_s is None or not device.streaming or not device.motor_on:
+            self._still_s = now_s
+            return []
+        if now_s - self._still_s < self.starts_after_s:
             return []
         count = int((now_s - begin_s) / device.sample_s)
         self._at_s = begin_s + count * device.sample_s  # the rest of a sample is left for the next time

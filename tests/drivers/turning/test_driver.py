@@ -82,6 +82,21 @@ async def test_a_sensor_that_still_streams_from_a_killed_process_is_used(plugged
 
 
 @pytest.mark.parametrize("name", TWO)
+async def test_a_sensor_whose_samples_begin_long_after_the_announcement_is_used(plugged, name):
+    emulator = sensor(name)
+    emulator.starts_after_s = 1.5
+    rig = await plugged(emulator)
+    await rig.until(lambda: emulator.streaming)
+    announced_s = rig.clock()
+    scan = (await rig.more_scans())[0]
+    assert 1.5 < scan.received_s - announced_s < 2.5
+    assert 0 <= scan.received_s - scan.stamp_s < 0.1
+    assert_true(scan)
+    assert rig.link() is LinkState.READY
+    assert not {"stale", "restart", "reconnect"} & set(rig.counts)
+
+
+@pytest.mark.parametrize("name", TWO)
 async def test_a_head_that_stands_gives_no_scans(plugged, name):
     rig = await plugged(sensor(name))
     await rig.more_scans()

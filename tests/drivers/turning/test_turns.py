@@ -74,6 +74,16 @@ def test_a_delay_that_builds_up_is_seen_and_taken_off():
     assert line.run(2 * PER_TURN)[-1].late_s < 0.005  # and forgotten when the link has caught up
 
 
+@pytest.mark.parametrize("pause_s", [0.3, 2.0])
+def test_a_pause_before_the_first_samples_is_no_delay(pause_s):
+    line = Line(least_s=0.02)
+    for wait_s in (0.0, 0.1):  # the announcement, and a part of a frame
+        assert line.turns.add(lost_samples(0), wait_s - pause_s) == []
+    turns = line.run(4 * PER_TURN)
+    assert [turn.late_s for turn in turns] == pytest.approx([0.02] * len(turns), abs=0.003)
+    assert line.run(2 * PER_TURN, late_s=0.25)[-1].late_s == pytest.approx(0.27, abs=0.02)
+
+
 def test_lost_samples_are_no_delay():
     line = Line()
     line.run(3 * PER_TURN)
