@@ -19,12 +19,13 @@ from wallride.drivers.turning.settings import TurningSettings
 from wallride.drivers.turning.stream import StreamFacts, Turning, TurnStream
 
 FIRST_SCAN_TIMEOUT_S: Final = 4.0
-"""Time from the start of a stream to its first scan: the motor needs two seconds, and two turns settle."""
+"""Time from the start of a stream to its first scan and the head's usual speed: the motor needs two seconds, and two
+turns settle."""
 PROMPT_LINK_S: Final = 0.04
 """Round trip up to which a link counts as prompt: the sensor takes some of it to answer, and a scan that is dated too
 early is as wrong as one that is dated too late."""
 SPEED_CHANGED: Final = 0.2
-"""Share by which the speed of the head may differ from that at the start before a status says so."""
+"""Share by which the speed of the head may differ from the usual one before a status says so."""
 STREAM_TIMEOUT_S: Final = 1.5
 FAULT_STAYS: Final = (
     "it reports a fault that a reset does not clear (is the head blocked? power-cycle it; else have it repaired)"
@@ -122,7 +123,8 @@ class TurningLidar(ConnectedLidar[LidarTalk]):
             if stream.delivered_s is None:
                 continue
             self._failures = 0
-            usual_hz = stream.turns_hz if math.isnan(usual_hz) else usual_hz
+            if math.isnan(usual_hz) or now_s - started_s < FIRST_SCAN_TIMEOUT_S:
+                usual_hz = stream.turns_hz  # it may still spin up
             age_s = now_s - stream.delivered_s
             if stream.repetition.stored:
                 self._say(LinkState.FAULTY, f"{self.word}: it repeats one turn: power-cycle it, check its cable")

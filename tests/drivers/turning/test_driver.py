@@ -9,6 +9,7 @@ import pytest
 
 from tests.drivers.turning.rig import Rig, room_m
 from wallride.drivers.api import LinkState, Scan
+from wallride.drivers.turning.driver import FIRST_SCAN_TIMEOUT_S
 from wallride.drivers.turning.grid import Motion
 from wallride.sim.devices import rplidar, ydlidar
 from wallride.sim.devices.rplidar import RplidarDevice
@@ -94,6 +95,30 @@ async def test_a_sensor_whose_samples_begin_long_after_the_announcement_is_used(
     assert_true(scan)
     assert rig.link() is LinkState.READY
     assert not {"stale", "restart", "reconnect"} & set(rig.counts)
+
+
+@pytest.mark.parametrize("name", TWO)
+async def test_a_head_that_still_spins_up_is_not_faulty_and_one_that_slows_down_later_is(plugged, name):
+    device = SENSORS[name]()
+    usual_hz, said = device.turns_hz, set[str]()
+    rig = await plugged(emulated(device))
+
+    async def turn_at(share: float, duration_s: float) -> None:
+        device.turns_hz = share * usual_hz
+        for _ in range(round(20 * duration_s)):
+            await rig.run_for(0.05)
+            said.add(rig.health.message)
+
+    device.turns_hz = 0.6 * usual_hz
+    await rig.more_scans(1)
+    for share in (0.6, 0.8, 1.0):
+        await turn_at(share, 1.0)
+    await turn_at(1.0, FIRST_SCAN_TIMEOUT_S)
+    assert not [text for text in said if "its head turns at" in text]
+    assert f", {usual_hz:.0f} Hz, " in rig.health.message
+    await turn_at(0.6, 1.0)
+    assert f", {usual_hz:.0f} Hz, " in rig.health.message
+    assert f"its head turns at {0.6 * usual_hz:.1f} Hz" in rig.health.message
 
 
 @pytest.mark.parametrize("name", TWO)
