@@ -108,6 +108,7 @@ class TurningLidar(ConnectedLidar[LidarTalk]):
             if stream.delivered_s is None:
                 raise LinkLost(f"{talk.link.address}: {why}")
             self.health.count("restart")
+            talk.quickest_s = math.inf  # the link may have become late, which the samples of a new stream do not tell
             self._note(await self._greet(talk))
 
     async def _watch(self, stream: TurnStream, facts: StreamFacts, started_s: float) -> str:

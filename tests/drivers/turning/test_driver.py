@@ -159,6 +159,17 @@ async def test_a_link_that_becomes_late_gives_no_scans(plugged, name):
 
 
 @pytest.mark.parametrize("name", TWO)
+async def test_a_link_that_became_late_is_late_after_a_restart_too(plugged, name):
+    rig = await plugged(sensor(name), stale_after_s=0.1)
+    await rig.more_scans()
+    rig.emulator.late_s = 0.25
+    await rig.until(lambda: rig.counts.get("restart", 0) > 0)
+    before = len(rig.scans)
+    await rig.run_for(3.0)
+    assert len(rig.scans) == before
+
+
+@pytest.mark.parametrize("name", TWO)
 async def test_a_fault_is_reset_once_and_then_named(plugged, name):
     emulator = sensor(name)
     emulator.device.fault = True  # type: ignore[attr-defined] # both devices have it
