@@ -1,5 +1,6 @@
 """The disk operations of a recording, in one place, so that tests can inject a faulty disk."""
 
+import contextlib
 import errno
 import fcntl
 import os
@@ -63,6 +64,11 @@ class Disk:
     def remove(self, path: Path) -> None:
         """Delete a file; a missing one is fine."""
         path.unlink(missing_ok=True)
+
+    def discard(self, path: Path) -> None:
+        """Delete a file, if that is possible."""
+        with contextlib.suppress(OSError):
+            self.remove(path)
 
     def free_bytes(self, folder: Path) -> int:
         """Return the free bytes where the folder is, or will be."""

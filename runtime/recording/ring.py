@@ -32,6 +32,8 @@ KEPT = "kept"
 ENDING = ".mcap"
 DEEPEST = 3
 """Maximum depth of folders below the one of all recordings: simulated/CAR/kept."""
+FILE_SHARE = 0.25
+"""Largest share of the ring for one recording: the ring deletes whole files."""
 BLACK_BOX_SHARE = 0.25
 """Share of the ring up to which black boxes are deleted last."""
 

@@ -7,7 +7,6 @@ lacks are still in memory and go into the next one, which is tried every few sec
 import logging
 import math
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from wallride.runtime.recording.disk import Disk, explain
 from wallride.runtime.recording.laws_fingerprint import laws_fingerprint
 from wallride.runtime.recording.mcap_file import McapFile
 from wallride.runtime.recording.recover import RecoveryError, file_state, recover
-from wallride.runtime.recording.ring import MB, Ring, entries
+from wallride.runtime.recording.ring import FILE_SHARE, MB, Ring, entries
 from wallride.runtime.settings.recording import RecordingSettings
 from wallride.runtime.wire import topics
 
@@ -39,8 +38,6 @@ TAIL_S = 5.0
 """Duration of a black box after its stop; another stop within it goes into the same file."""
 MAX_TAIL_S = 30.0
 MIN_MEMORY_S = 1.0
-FILE_SHARE = 0.25
-"""Largest share of the ring for one file: the ring deletes whole files."""
 START_UP_S = 5.0
 """Time since the process began after which a recording begins without a scan; else it begins with the first scan."""
 
@@ -206,11 +203,7 @@ class RecordingWriter:
             log.info("recording %s", file.path.name)
         else:  # all its messages come again with the next attempt
             self._goes_on = goes_on
-            self._remove(file)
-
-    def _remove(self, file: McapFile) -> None:
-        with suppress(OSError):
-            self._disk.remove(file.path)
+            self._disk.discard(file.path)
 
     def _on_stop(self, reason: str) -> None:
         now_s = self._now_s
@@ -230,7 +223,7 @@ class RecordingWriter:
         if self._fill(file, self._memory.since(0)):
             log.info("black box %s", file.path.name)
         elif not file.bytes_written:
-            self._remove(file)
+            self._disk.discard(file.path)
 
     def _open(self, reason: str | None) -> McapFile | None:
         """Open a file; None when the disk has no room for it."""
