@@ -169,7 +169,7 @@ class LapTimer:
 
     def _cross(self, crossing: Crossing, last: RacePose, sample: RacePose, line: StartLine) -> None:
         if not crossing.forward:
-            self._owed += 1
+            self._owed += sample.stamp_s - last.stamp_s <= LOST_S  # a silence's straight step is not the car's way
             return
         if self._owed:  # it had gone back over the line
             self._owed -= 1

@@ -158,6 +158,18 @@ def test_a_link_lost_within_a_lap_costs_nothing():
     assert (track.row("a").laps, track.row("a").unseen) == (2, 0)
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_a_silence_that_begins_behind_the_line_and_ends_before_it_hides_no_crossing_that_was_seen(known):
+    racer = Racer("a", 1.0, way_m=-0.5)
+    track = Track(racer).run(0.7 + known * ROUND_M)
+    for lap in (1, 2):
+        for seconds, racer.heard in ((3.0, True), (ROUND_M - 4.4, False), (1.5, True)):
+            track.run(seconds)
+        row = track.row("a")
+        assert (row.laps, row.unseen) == (lap + known, 0 if known else lap)
+        assert row.last_s == pytest.approx(ROUND_M, abs=0.01)
+
+
 def test_a_car_that_rocks_on_the_line_or_backs_over_it_drives_no_laps():
     racer = Racer("a", 2.0, way_m=-0.5)
     track = Track(racer).run(1.02 * ROUND_M / 2.0 + 0.25)
