@@ -37,9 +37,7 @@ def add(commands: Commands) -> None:
 
 def _add_person(actions: Commands) -> argparse.ArgumentParser:
     person = actions.add_parser("add", help="create keys for a person or a computer")
-    person.add_argument(
-        "name", metavar="NAME", help="a-z, 0-9, _ and -, up to 24 characters (a car: 32); shown as the operator"
-    )
+    person.add_argument("name", metavar="NAME", help="a-z, 0-9, _ and -, up to 24 characters (a car: 32)")
     person.add_argument(
         "--role",
         choices=ROLES,

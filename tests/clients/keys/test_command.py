@@ -68,6 +68,14 @@ def test_what_the_user_can_mend_is_one_line_and_exit_code_2(wallride, line, says
     assert err.count("\n") == 1
 
 
+def test_the_help_promises_no_name_on_the_car_which_the_client_chooses_itself(wallride, capsys):
+    with pytest.raises(SystemExit):
+        wallride("keys add --help")
+    about_name = capsys.readouterr().out.partition("positional arguments:")[2].partition("options:")[0]
+    assert "up to 24 characters" in about_name
+    assert "operator" not in about_name
+
+
 def test_a_folder_that_cannot_be_made_is_one_line_too(wallride, tmp_path):
     (tmp_path / "keys").write_text("a file, not a folder")
     code, _, err = wallride("keys init")
