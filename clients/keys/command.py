@@ -12,7 +12,7 @@ from wallride.clients.keys.folder import KeyFolder
 from wallride.runtime.host.output_files import write_file
 from wallride.runtime.realtime.wall_clock import FIRST_S
 from wallride.runtime.security.access_list import AccessEntry, KeysError
-from wallride.runtime.security.certificates import EXPIRES_SOON, CertificateIdentity, identity_in
+from wallride.runtime.security.certificates import EXPIRES_SOON, CertificateIdentity, days_until, identity_in
 from wallride.runtime.security.key_files import AUTHORITY, CAR, open_to_others
 from wallride.runtime.wire.router_config import router_config
 from wallride.runtime.wire.zenoh_config import Person, Role, Tls
@@ -184,12 +184,12 @@ def _car_identity(directory: Path) -> CertificateIdentity:
 def _state(entry: AccessEntry, now: datetime) -> str:
     if entry.revoked is not None:
         return f"revoked {entry.revoked}"
-    days = (entry.expires - now.date()).days
-    if days < 0:
+    today = now.date()
+    if entry.expires < today:
         return f"expired {entry.expires}"
-    return f"until {entry.expires}" + (
-        f", in {days} days: keys add {entry.person.name} --renew" if days <= EXPIRES_SOON.days else ""
-    )
+    if entry.expires > today + EXPIRES_SOON:
+        return f"until {entry.expires}"
+    return f"until {entry.expires}, {days_until(entry.expires, today)}: keys add {entry.person.name} --renew"
 
 
 def _a(role: Role) -> str:

@@ -7,7 +7,7 @@ import os
 import stat
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import date, datetime, timedelta
 from pathlib import Path
 from typing import TypeVar
 
@@ -45,8 +45,14 @@ class CertificateIdentity:
     def warning(self, now: datetime) -> str | None:
         """Return a warning that it expires soon, or None."""
         if now < self.expires <= now + EXPIRES_SOON:
-            return f"expires on {self.expires:%Y-%m-%d}, in {(self.expires - now).days} days"
+            return f"expires on {self.expires:%Y-%m-%d}, {days_until(self.expires.date(), now.date())}"
         return None
+
+
+def days_until(day: date, today: date) -> str:
+    """Return in words how far off a day is: today, in 1 day, in 2 days."""
+    days = (day - today).days
+    return f"in {days} day{'s' * (days > 1)}" if days else "today"
 
 
 def read_identity(tls: Tls, *, for_car: bool) -> CertificateIdentity:

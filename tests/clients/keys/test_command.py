@@ -2,11 +2,14 @@
 
 import json
 import socket
+from datetime import UTC, datetime, timedelta
 
 import pytest
 
 from tests.typed import typed
 from wallride.clients.keys import command
+from wallride.runtime.security.access_list import AccessEntry
+from wallride.runtime.wire.zenoh_config import Person, Role
 
 
 @pytest.fixture
@@ -48,6 +51,14 @@ def test_from_nothing_to_a_secured_car(wallride, tmp_path):
         ("alice", "operator", False),
         ("bob", "viewer", True),
     ]
+
+
+@pytest.mark.parametrize(("days", "says"), [(0, "today"), (1, "in 1 day"), (2, "in 2 days"), (31, "")])
+def test_the_list_says_in_proper_words_when_keys_end(days, says):
+    now = datetime(2026, 5, 1, 12, tzinfo=UTC)
+    entry = AccessEntry(Person("ann", Role.VIEWER), (now + timedelta(days=days)).date())
+    expected = f"until {entry.expires}"
+    assert command._state(entry, now) == (f"{expected}, {says}: keys add ann --renew" if says else expected)
 
 
 @pytest.mark.parametrize(

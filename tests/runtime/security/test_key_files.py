@@ -93,6 +93,12 @@ def test_an_expired_person_is_told_how_to_renew_and_a_month_before_too(alice):
         client_keys(alice, NOW + timedelta(days=366))
 
 
+@pytest.mark.parametrize(("hours", "says"), [(48, "in 2 days"), (24, "in 1 day"), (13, "in 1 day"), (12, "today")])
+def test_the_last_days_are_said_in_proper_words(alice, hours, says):
+    (warning,) = client_keys(alice, NOW + timedelta(days=365, hours=-hours)).warnings
+    assert f"expires on 2027-05-01, {says};" in f"{warning};"
+
+
 def test_a_person_whose_clock_is_wrong_is_told_so(alice):
     with pytest.raises(KeysError, match=r"not valid before 2026-04-30.*believes that it is 1970-01-01; set the clock"):
         client_keys(alice, datetime(1970, 1, 1, tzinfo=UTC))
