@@ -16,10 +16,10 @@ def add(commands: Commands) -> None:
     logs = commands.add_parser(
         "logs",
         help="recordings: list, get, keep, trim, info, recover",
-        description="Without an action: list the recordings of this machine.",
+        description="Without an action: list the recordings of this machine; with options, as `list`: --car NAME.",
     )
-    logs.set_defaults(run=client_options.client("logs"), print_line=say, local="", json=False)
     actions = logs.add_subparsers(dest="action", metavar="ACTION")
+    logs.set_defaults(run=client_options.client("logs"), action="list", print_line=say, local="", json=False)
     listing = actions.add_parser("list", help="list the recordings of a car or a local folder")
     getting = actions.add_parser("get", help="copy recordings from a car (default: the newest drive)")
     getting.add_argument("names", nargs="*", metavar="NAME", help="as in `wallride logs list`")

@@ -49,7 +49,13 @@ class Parser(argparse.ArgumentParser):
         raise SystemExit(USAGE_ERROR)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:  # noqa: ANN401 - as argparse has it
-        """Parse; an unknown option ends with the nearest known one of this command, which names itself."""
+        """Parse; an unknown option ends with the nearest known one of this command, which names itself.
+
+        Options in the place of an action are of the default action, where this command has one.
+        """
+        action = self.get_default("action") if self._subparsers is not None else None
+        if action is not None and args and args[0].startswith("-") and args[0] not in {"-h", "--help"}:
+            args = [action, *args]
         parsed, unknown = super().parse_known_args(args, namespace)
         for text in unknown:
             if text.startswith("--"):
