@@ -56,8 +56,8 @@ def endpoint_of(text: str, *, with_keys: bool = False, given: str = "--connect")
 
 def endpoint_configs(
     options: argparse.Namespace, unusable: list[str] | None = None
-) -> list[tuple[str, dict[str, Any]]]:
-    """Return the endpoints of --connect, separated by commas, with the configuration of a session at each.
+) -> list[tuple[str, dict[str, Any], KeyFiles | None]]:
+    """Return the endpoints of --connect, separated by commas, each with the configuration of a session and the keys.
 
     unusable: where given, takes the reason for an endpoint without one, in place of a ConnectionProblemError: an e-stop
     goes to the others.
@@ -66,7 +66,8 @@ def endpoint_configs(
     for text in filter(None, (part.strip() for part in options.connect.split(","))):
         try:
             endpoint = endpoint_of(text, with_keys=options.keys is not None, given=given)
-            found.append((endpoint, session_config(endpoint, keys_of(endpoint, options.keys))))
+            keys = keys_of(endpoint, options.keys)
+            found.append((endpoint, session_config(endpoint, keys), keys))
         except ConnectionProblemError as error:
             if unusable is None:
                 raise

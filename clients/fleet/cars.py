@@ -17,7 +17,7 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, StringConstraints
 
-from wallride.clients.fleet.links import FleetLink, fleet_links
+from wallride.clients.fleet.links import FleetLink, fleet_links, why_no_car
 from wallride.clients.fleet.watching import watch
 from wallride.clients.played import NOTHING_DRIVES, PlayedNames
 from wallride.clients.status import headline
@@ -202,12 +202,13 @@ async def run(options: argparse.Namespace) -> int:
         if options.watch:
             await watch(options, links, lambda: list(table(view.fields(options.car, time.monotonic()))) or ["no car"])
         await asyncio.sleep(WITHIN_S)
+        told = await why_no_car(links)
         rows = view.fields(options.car, time.monotonic())
-        problems = [f"{link.endpoint}: {link.problem}" for link in links if link.problem]
+        away = [f"{link.endpoint}: {link.problem}" for link in links if link.problem and link.keys is None]
     if options.json:
         options.print_line(json.dumps({_name(row): {**row["status"], **_about(row)} for row in rows}, indent=2))
     else:
-        for line in [*table(rows), *problems] or [f"no car at {', '.join(link.endpoint for link in links)}"]:
+        for line in [*table(rows), *away, *told] or [f"no car at {', '.join(link.endpoint for link in links)}"]:
             options.print_line(line)
     return 0 if rows else 1
 

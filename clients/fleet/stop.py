@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from wallride.clients.connection import ConnectionProblemError
-from wallride.clients.fleet.links import FleetLink, fleet_links
+from wallride.clients.fleet.links import FleetLink, fleet_links, why_no_car
 from wallride.clients.played import NOTHING_DRIVES, PlayedNames
 from wallride.runtime.host.terminal_text import one_line
 from wallride.runtime.wire import topics
@@ -185,6 +185,7 @@ async def run(options: argparse.Namespace) -> int:
         while not _is_over(stop, links, time.monotonic() - began_s):
             stop.step(time.monotonic())
             await asyncio.sleep(PERIOD_S)
+        told = [] if stop.results or stop.recordings else await why_no_car(links)
         problems = [*_problems(links), *unusable]
         results, recordings = stop.results, stop.recordings
     for line in (*lines(results), *(f"{name:<16} {NOTHING_DRIVES}" for name in recordings)):
@@ -192,7 +193,7 @@ async def run(options: argparse.Namespace) -> int:
     for problem in problems if results else ():
         options.print_line(one_line(f"cars only there were not stopped: {problem}"))
     if not results and not recordings:
-        options.print_line(one_line(_nothing_stopped(problems)))
+        options.print_line(one_line(_nothing_stopped(links, unusable, told)))
     return 0 if results and not problems and all(one.took_s is not None for one in results) else 1
 
 
@@ -224,9 +225,10 @@ def _problems(links: Sequence[FleetLink]) -> list[str]:
     return [f"{link.endpoint} ({link.problem})" for link in links if link.problem]
 
 
-def _nothing_stopped(problems: Sequence[str]) -> str:
-    """Return what became of an e-stop that reached no car, and what stops one then."""
-    why = f"cannot connect to {'; '.join(problems)}" if problems else "no car was found"
+def _nothing_stopped(links: Sequence[FleetLink], unusable: Sequence[str], told: Sequence[str]) -> str:
+    """Return what became of an e-stop that reached no car, and what stops one then. told: as of `why_no_car`."""
+    away = [*_problems([link for link in links if link.keys is None]), *unusable]
+    why = "; ".join([*([f"cannot connect to {'; '.join(away)}"] if away else []), *told]) or "no car was found"
     return f"nothing was stopped: {why}. Stop the car by hand; --connect ENDPOINT is another place to look"
 
 
@@ -236,9 +238,10 @@ async def _only_car(options: argparse.Namespace) -> str:
     async with fleet_links(options, unusable) as links:
         seen = FleetStop(links, options.name)
         await asyncio.sleep(SETTLING_S if links else 0.0)
-        problems, names = [*_problems(links), *unusable], [*seen.cars, *seen.recordings]
+        told = [] if seen.cars or seen.recordings else await why_no_car(links)
+        names = [*seen.cars, *seen.recordings]
     if not names:
-        raise ConnectionProblemError(_nothing_stopped(problems))
+        raise ConnectionProblemError(_nothing_stopped(links, unusable, told))
     if len(names) > 1:
         raise ConnectionProblemError(
             f"nothing was stopped: there are several cars: {', '.join(names)}; stop all of them: wallride stop --all"

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-from wallride.clients.fleet.links import FleetLink, telling_what_is_awaited, unopened
+from wallride.clients.fleet.links import FleetLink, telling_what_is_awaited, unheard, unopened
 from wallride.clients.fleet.stop import PERIOD_S, FleetStop
 from wallride.clients.refreshing import RefreshedScreen
 from wallride.clients.teleop import terminal
@@ -61,6 +61,7 @@ async def _watch(
 def _foot(links: Sequence[FleetLink], stop: FleetStop | None, keys: Keys) -> Iterator[str]:
     yield ""
     yield from (f"{link.endpoint}: {link.problem}" for link in links if link.problem)
+    yield from unheard(links)
     if stop is None:
         others = "".join(f"; {chr(key)}: {words}" for key, (words, _) in keys.items())
         yield f"Space or Esc: e-stop to every car{others}"

@@ -182,7 +182,7 @@ async def run(options: argparse.Namespace) -> int:
 
 def places(options: argparse.Namespace) -> Sequence[CarEndpoint]:
     """Return the endpoints to search for cars: those of --connect."""
-    return [CarEndpoint(endpoint, config, options.session) for endpoint, config in endpoint_configs(options)]
+    return [CarEndpoint(endpoint, config, options.session) for endpoint, config, _ in endpoint_configs(options)]
 
 
 def _open_browser(url: str, print_line: Callable[[str], object]) -> None:
