@@ -31,7 +31,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     tune_options.add(experiments)
     race_options.add(experiments)
     for name, what in EXPERIMENTS.items():
-        parser = _add_experiment(experiments, name, what, fixed=name == "stories")
+        parser = add_experiment(experiments, name, what, fixed=name == "stories")
         if name in WITH_SETTINGS:
             add_set(parser)
             add_car(parser)
@@ -41,17 +41,16 @@ def add(parser: argparse.ArgumentParser) -> None:
                 help="parts of the car that its lidar sees (default: a kind on every odd seed)",
             )
         if name in {"walls", "laps"}:
-            parser.add_argument("--distance", metavar="M", help="wanted distance to the wall in m (default: 1)")
+            add_distance(parser)
         if name in {"laps", "rooms"}:
             parser.add_argument("--generated", action="store_true", help="generated courses instead, from the seeds")
         if name == "laps":
-            maps = "folder of ROS maps (default: data/maps nearby)"
-            parser.add_argument("--maps", type=Path, metavar="DIR", help=maps)
+            add_maps(parser)
     _add_fit(experiments.add_parser("fit", help=FIT, description=FIT[:1].upper() + FIT[1:] + "."))
     sweep_options.add(experiments)
 
 
-def _add_experiment(experiments: Commands, name: str, what: str, *, fixed: bool) -> argparse.ArgumentParser:
+def add_experiment(experiments: Commands, name: str, what: str, *, fixed: bool) -> argparse.ArgumentParser:
     """Add an experiment. fixed: laws, speeds, floors, sides and seeds are its own."""
     parser = experiments.add_parser(name, help=what, description=what[:1].upper() + what[1:] + ".")
     run = later("wallride.sim.lab.command", "sim", "the simulator needs")
@@ -62,6 +61,16 @@ def _add_experiment(experiments: Commands, name: str, what: str, *, fixed: bool)
         _add_variations(parser)
     _add_outputs(parser)
     return parser
+
+
+def add_distance(parser: argparse.ArgumentParser) -> None:
+    """Add the wanted distance."""
+    parser.add_argument("--distance", metavar="M", help="wanted distance to the wall in m (default: 1)")
+
+
+def add_maps(parser: argparse.ArgumentParser) -> None:
+    """Add the folder of maps."""
+    parser.add_argument("--maps", type=Path, metavar="DIR", help="folder of ROS maps (default: data/maps nearby)")
 
 
 def _add_fit(parser: argparse.ArgumentParser) -> None:
