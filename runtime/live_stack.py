@@ -62,7 +62,7 @@ class LiveStack:
         guidance, self.answered_with = self.laws.follow(scan, motor), motor
         self.decision_log.add_follower(scan, motor, guidance)
         drive, reason = guidance.drive or Drive(0.0, 0.0), guidance.reason
-        if guidance.drive is not None and self.settings.wall_follow.speed_mps == 0.0:
+        if guidance.drive is not None and drive.speed_mps == self.settings.wall_follow.speed_mps == 0.0:
             reason = NO_SPEED
         word = DriveCommand(Source.NAVIGATION, drive, scan.stamp_s, reason, guidance.stuck, guidance.promise)
         waits_s = self._rate.note(scan.stamp_s)

@@ -6,6 +6,7 @@ import pytest
 from tests.runtime.observed import HandClock
 from wallride.drivers.api import Drive, MotorState, Scan
 from wallride.runtime.arbitration.command import DriveCommand, Source, SpeedLimit, arbitrate, consent
+from wallride.runtime.control.line_following.line_follower import NO_LINE
 from wallride.runtime.live_stack import REQUIRED, LiveStack
 from wallride.runtime.recording.decision_log import DecisionLog
 from wallride.runtime.settings.tree import load_settings
@@ -62,6 +63,15 @@ def test_a_follower_without_an_answer_asks_for_standstill():
     desk = Desk("wall_follow.no_wall=stop")
     desk.answer(np.full(BEAMS, np.nan))
     assert desk.live()[Source.NAVIGATION].drive == Drive(0.0, 0.0)
+
+
+def test_a_follower_that_drives_at_a_speed_of_its_own_keeps_its_reason():
+    desk = Desk("wall_follow.method=line", "wall_follow.speed_mps=0")
+    desk.answer()
+    desk.answer()
+    navigation = desk.live()[Source.NAVIGATION]
+    assert navigation.drive.speed_mps > 0.0
+    assert navigation.reason == NO_LINE
 
 
 def test_a_follower_that_was_given_no_speed_names_the_setting():
