@@ -97,8 +97,14 @@ def _stands_because(decision: Mapping[str, Any] | None) -> str | None:
 
 
 def _recording(status: Mapping[str, Any] | None, recorded: Sequence[str]) -> dict[str, Any] | None:
-    """Return the last file's name, "" without one, and the recorder's words; None where nothing was heard of it."""
-    return {"file": recorded[-1] if recorded else "", "words": status.get("words") or ""} if status else None
+    """Return the last file's name, "" without one, and the recorder's words; None where nothing was heard of it.
+
+    is_open: whether that file is being written, whatever the words say of an earlier one or of a black box.
+    """
+    if not status:
+        return None
+    open_file, ended = status.get("file") or "", recorded[-1] if recorded else ""
+    return {"file": open_file or ended, "words": status.get("words") or "", "is_open": bool(open_file)}
 
 
 def plot_drive(path: Path, world: World, record: Record, settings: Settings) -> None:
@@ -132,13 +138,15 @@ def recorded_words(recording: Mapping[str, Any] | None) -> tuple[str, str]:
     told = words.removeprefix(NOT_RECORDING).removeprefix(ENDED).removesuffix(TRYING)
     if not file:
         return f"nothing was recorded: {told}", ""
-    ended = f"; not to the end: {told}" if told != words else ""
+    ended = "" if recording["is_open"] else f"; not to the end: {told}"
     return f"recorded: {file}{ended}", f"wallride report {file}"
 
 
 def failed_to_record(recording: Mapping[str, Any] | None) -> bool:
     """Tell whether a recording was wanted and there is none, or only one of a part of the drive."""
-    return recording is not None and str(recording["words"]).startswith(NOT_RECORDING)
+    if recording is None or recording["is_open"]:
+        return False
+    return str(recording["words"]).startswith(NOT_RECORDING)
 
 
 def shown(value: object) -> str:

@@ -77,21 +77,28 @@ def test_the_table_is_in_words_with_units_and_leaves_out_what_says_nothing():
 @pytest.mark.parametrize(
     ("recording", "words", "command", "failed"),
     [
-        ({"file": "a.mcap", "words": "recording: armed"}, "recorded: a.mcap", "wallride report a.mcap", False),
         (
-            {"file": "", "words": "NOT recording: less than 512 MB of the disk are free; trying again"},
-            "nothing was recorded: less than 512 MB of the disk are free", "", True,
+            {"file": "a.mcap", "words": "recording: armed", "is_open": True}, "recorded: a.mcap",
+            "wallride report a.mcap", False,
+        ),
+        (  # a black box that the disk refused, beside a recording that goes on
+            {"file": "a.mcap", "words": "NOT recording: the disk is full; trying again", "is_open": True},
+            "recorded: a.mcap", "wallride report a.mcap", False,
         ),
         (
-            {"file": "", "words": "recording is turned off (recording.enabled)"},
+            {"file": "", "words": "NOT recording: less than 9 MB of the disk are free; trying again", "is_open": False},
+            "nothing was recorded: less than 9 MB of the disk are free", "", True,
+        ),
+        (
+            {"file": "", "words": "recording is turned off (recording.enabled)", "is_open": False},
             "nothing was recorded: recording is turned off (recording.enabled)", "", False,
         ),
         (
-            {"file": "a.mcap", "words": "not recording: disarmed"},
+            {"file": "a.mcap", "words": "not recording: disarmed", "is_open": False},
             "recorded: a.mcap; not to the end: disarmed", "wallride report a.mcap", False,
         ),
         (
-            {"file": "a.mcap", "words": "NOT recording: the disk is full; trying again"},
+            {"file": "a.mcap", "words": "NOT recording: the disk is full; trying again", "is_open": False},
             "recorded: a.mcap; not to the end: the disk is full", "wallride report a.mcap", True,
         ),
         (None, "it is not known whether the drive was recorded: wallride logs", "", False),
