@@ -170,6 +170,7 @@ class Perception:
 
     def remember(self, known: KnownParts | None) -> None:
         """Restore these own parts, and reset the state of the window."""
+        self.catch_up()
         self.own_parts.remember(known)
         self.health.forget()
         self.views.ignore(None)
